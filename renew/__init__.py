@@ -15,7 +15,7 @@ from renew.errors import (
     UnreachableError,
     ViaInNoGoError,
 )
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import (
     CurrentField,
     GriddedCurrent,
@@ -27,13 +27,12 @@ from renew.inputs.current import (
 from renew.inputs.openings import Haven, LeastWater, ShutArea, TidalArea, TidalDepth
 from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
-from renew.inputs.vessel import Vessel
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 from renew.underway.cover import cover
-from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch
 from renew.underway.replan import Replanned, TurnOff, replan
+from renew.underway.survey import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch
 from renew.vary.ensemble import EnsemblePlan, ShutInMember, plan_ensemble
 from renew.vary.plan import plan, plan_departures
 from renew.voyage.fuel import fuel

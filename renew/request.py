@@ -9,7 +9,7 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, is_number, shown
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import MAX_SPEED, Chart, Vessel
 from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.openings import Opening, ShutArea, TidalDepth, with_always_shut
 from renew.inputs.options import (
@@ -21,7 +21,6 @@ from renew.inputs.options import (
     is_one_of,
     is_row,
 )
-from renew.inputs.vessel import MAX_SPEED, Vessel
 from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
 
 Place: TypeAlias = FloatArray | tuple[float, float]

@@ -1,11 +1,16 @@
-"""What a plan consists of: routes with their figures, and rejected classes with their reasons."""
+"""What a plan consists of: routes with their figures, and rejected classes with their reasons.
 
+While a plan is at work, it tells its steps, and the paths that it has found so far.
+"""
+
+import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from html import escape
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
@@ -372,3 +377,36 @@ def _plan_html(plan: Plan) -> str:
         "<table><thead><tr><th></th><th>class</th><th>fuel</th><th>length</th>"
         f"<th>clear of land</th></tr></thead><tbody>{''.join(rows)}</tbody></table>"
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step of a plan.
+
+    "class": a way round the islands is tried; "padding": hard-over turns along it meet land, so its
+    padding grows; "path": it has a `path` (n, 2), planar metres, whose turns are clear. Later steps
+    may find a better one of the same class.
+    """
+
+    kind: Literal["class", "padding", "path"]
+    path: FloatArray | None = None
+
+
+_watcher: ContextVar[Callable[[Step], None] | None] = ContextVar("watcher", default=None)
+
+
+@contextlib.contextmanager
+def watched(watcher: Callable[[Step], None] | None) -> Iterator[None]:
+    """Have the plans of this thread tell their steps inside the `with` block; None: to nobody."""
+    earlier = _watcher.set(watcher)
+    try:
+        yield
+    finally:
+        _watcher.reset(earlier)
+
+
+def tell(step: Step) -> None:
+    """Tell a step to the watcher, if there is one."""
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher(step)

@@ -14,7 +14,7 @@ import numpy as np
 from shapely import Polygon, box
 
 from renew.errors import UnreachableError
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import (
     CurrentLike,
     GriddedCurrent,
@@ -23,7 +23,6 @@ from renew.inputs.current import (
     UniformCurrent,
     VaryingCurrent,
 )
-from renew.inputs.vessel import Vessel
 from renew.planner.plan import planner_of
 from renew.request import Request
 from renew.turns.closest_approach import tightest

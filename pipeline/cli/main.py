@@ -20,6 +20,7 @@ import gc
 import json
 import os
 import sys
+import webbrowser
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -28,16 +29,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.cli import failures, options
+from pipeline.cli import failures, options, upkeep
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.nightly import app as nightly_app
-from pipeline.cli.qgis import app as qgis_app
 from pipeline.cli.terminal import say, still_at_work
 from pipeline.cli.tide import app as tide_app
 from pipeline.errors import Faults, RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
-from pipeline.serve.options import ServerOptions
 from pipeline.texts import seen
 from pipeline.underway.request import UnderWayRequest
 from pipeline.voyage.readers import EXAMPLES, halves
@@ -96,8 +95,15 @@ def root(
     del version
 
 
-# Smallest allowed time limit of a season, s: starting its process takes about as long.
+# Smallest allowed time limit of a season or a plan, s: starting its process takes about as long.
 _MIN_LIMIT_S = 1.0
+# Largest number of a port.
+_MAX_PORT = 65_535
+# Least memory with which anything can be planned, GB.
+_MIN_MEMORY_GB = 0.5
+_GB = 1_000_000_000
+# Largest number of workers of a server: it has two processes for each.
+_MAX_WORKERS = 64
 
 
 @app.command(cls=options.Command)
@@ -140,7 +146,7 @@ def run(
         run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet)
 
 
-@app.command(cls=options.GroupedCommand)
+@app.command(cls=options.Command)
 @options.with_options(VoyageRequest, without=("start", "goal"))
 def go(
     positions: Annotated[
@@ -168,19 +174,45 @@ def go(
 
 
 @app.command(cls=options.Command)
-@options.with_options(ServerOptions)
-def serve(**given: Any) -> None:  # noqa: ANN401 - the options of a server
+def serve(
+    *,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=_MAX_PORT,
+            help="Port of 127.0.0.1; 0 for any that is free. Left out, 8137 or any that is free.",
+        ),
+    ] = None,
+    opens: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    output: options.Output = Path("outputs"),
+    offline: options.Offline = False,
+    limit: Annotated[
+        float,
+        typer.Option(min=_MIN_LIMIT_S, metavar="SECONDS", help="Time limit of a plan."),
+    ] = 600.0,
+    memory: Annotated[
+        float,
+        typer.Option(min=_MIN_MEMORY_GB, metavar="GB", help="Memory limit of a plan's process."),
+    ] = 4.0,
+    workers: Annotated[
+        int, typer.Option(min=1, max=_MAX_WORKERS, help="Number of plans at a time.")
+    ] = 1,
+) -> None:
     """Serve a page on this machine where voyages are planned on a map; needs the extra `web`.
 
-    It answers to 127.0.0.1 only, and to whom has the address that it prints.
+    It answers on 127.0.0.1 only, and needs the token in the address that it prints.
     """
     with reported_errors():
         try:
-            from pipeline.serve.start import serve as serve_page
+            from pipeline.serve.app import serve as serve_page
+            from pipeline.serve.plans import Plans
         except ImportError as error:
             raise StageError(
                 f"renew serve needs the extra `web` ({error}): pip install fastapi uvicorn"
             ) from error
+
+        from pipeline.machine.paths import folder_to_write
 
         def tell(address: str) -> None:
             typer.echo(address)
@@ -189,8 +221,17 @@ def serve(**given: Any) -> None:  # noqa: ANN401 - the options of a server
                 "yourself. Ctrl-C ends.",
                 err=True,
             )
+            if opens:
+                webbrowser.open(address)
 
-        serve_page(read(ServerOptions, given, spelling(ServerOptions, "command")), on_ready=tell)
+        plans = Plans(
+            folder_to_write(output, "--output"),
+            offline=offline,
+            workers=workers,
+            limit_s=limit,
+            memory_bytes=round(memory * _GB),
+        )
+        serve_page(plans, port, on_ready=tell)
 
 
 @app.command(cls=options.Command)
@@ -226,7 +267,7 @@ def replan(
 
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
-app.add_typer(qgis_app, name="qgis")
+app.add_typer(upkeep.qgis_app, name="qgis")
 
 
 @app.command(cls=options.Command)
@@ -262,10 +303,10 @@ def plot(
             notes,
         ),
     ):
-        from pipeline.cli.plot import draw
         from pipeline.cli.reporting import progress
         from pipeline.findings.names import output_directory
         from pipeline.findings.text import season_text
+        from pipeline.formats.figures.kinds import draw
         from pipeline.machine.paths import short_path
         from pipeline.run import planned_scenario
 
@@ -354,12 +395,10 @@ def clean(
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
     with reported_errors():
-        from pipeline.cli.upkeep import freed, require_consent
-
         if everything and not yes:
-            require_consent()
+            upkeep.require_consent()
     with reported_errors(), still_at_work():
-        say(freed(output, older=older, everything=everything))
+        say(upkeep.freed(output, older=older, everything=everything))
 
 
 @app.command(cls=options.Command)
@@ -371,10 +410,8 @@ def doctor(
 ) -> None:
     """Check that this machine can run RENEW; exit code 1 if something would make a run fail."""
     with reported_errors(), still_at_work():
-        from pipeline.cli.upkeep import examine
-
         findings = []
-        for finding in examine(output, offline=offline):
+        for finding in upkeep.examine(output, offline=offline):
             findings.append(finding)
             if not as_json:
                 say(str(finding))
@@ -389,9 +426,7 @@ def doctor(
 def warm() -> None:
     """Compile the planner's code now, so that the first plan does not have to wait for it."""
     with reported_errors(), still_at_work():
-        from pipeline.cli.upkeep import warm as warm_up
-
-        typer.echo(warm_up())
+        typer.echo(upkeep.warm())
 
 
 @contextlib.contextmanager
@@ -410,7 +445,7 @@ def _loaded(
     """
     from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import read_scenario
-    from pipeline.scenario.loading import load_scenario, require_seasons
+    from pipeline.scenario.loading import load_scenario
 
     notes: list[str] = []
     faults = Faults()
@@ -422,7 +457,12 @@ def _loaded(
         read = partial(load_scenario, file, charts=charts, currents=currents or ())
         scenario = faults.collect(partial(read, on_note=notes.append))
         if scenario is not None:
-            faults.collect(partial(require_seasons, scenario, seasons))
+            known = [season.name for season in scenario.seasons]
+            faults.lines += [
+                f"{scenario.name} has no season {name!r}: it has {', '.join(known)}"
+                for name in seasons
+                if name not in known
+            ]
         if scenario is None or faults.lines:
             raise RequestError(faults.lines)
         yield scenario, file, notes

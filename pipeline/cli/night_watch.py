@@ -16,7 +16,8 @@ from pipeline.cli.failures import exit_code_of, reporting_end
 from pipeline.cli.terminal import json_lines, log_event
 from pipeline.errors import RequestError
 from pipeline.machine.files import whole_file
-from pipeline.nightly.outcome import BusyError, NightEvent, NightEventHandler, NightOutcome
+from pipeline.nightly.cycles import BusyError
+from pipeline.nightly.night import NightEvent, NightEventHandler, NightOutcome
 
 if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry

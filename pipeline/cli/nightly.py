@@ -48,12 +48,13 @@ def check(
         from pipeline.nightly.config import load_config
 
         loaded = load_config(config, output)
-        cases = expand(loaded, only=only)
-        if faults := pairs_on_land(loaded, cases):
+        blocks = expand(loaded, only=only)
+        if faults := pairs_on_land(loaded, blocks):
             raise RequestError(faults)
-        sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
+        count = sum(block.size for block in blocks)
+        sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in blocks)
         typer.echo(
-            f"{loaded.path.name}: valid, {len(cases):,} cases ({sizes}); files of currents and of "
+            f"{loaded.path.name}: valid, {count:,} cases ({sizes}); files of currents and of "
             "voyages may still come, and are opened when the night runs"
         )
 

@@ -23,7 +23,6 @@ _TYPES: dict[str, type[Any]] = {
     "folder": Path,
     "flag": bool,
     "number": float,
-    "count": int,
 }
 
 
@@ -35,43 +34,43 @@ def with_options(table: type[Any], *, without: tuple[str, ...] = ()) -> Callable
 
     def decorated(command: _Command) -> _Command:
         signature = inspect.signature(command)
-        own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
-        first = [one for one in own if one.default is one.empty]
-        made = [_parameter(table, one) for one in options(table) if one.field not in without]
-        asked = [*first, *made, *(one for one in own if one not in first)]
-        command.__signature__ = signature.replace(parameters=asked)  # type: ignore[attr-defined]
+        given = signature.parameters.values()
+        own = [parameter for parameter in given if parameter.kind is not parameter.VAR_KEYWORD]
+        first = [parameter for parameter in own if parameter.default is parameter.empty]
+        asked = [option for option in options(table) if option.field not in without]
+        made = [_parameter(table, option) for option in asked]
+        parameters = [*first, *made, *(parameter for parameter in own if parameter not in first)]
+        command.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
         return command
 
     return decorated
 
 
-def _parameter(table: type[Any], one: Option) -> inspect.Parameter:
+def _parameter(table: type[Any], option: Option) -> inspect.Parameter:
     """Return an option as the parameter of a command."""
-    kind = _TYPES.get(one.kind, str)
-    default = inspect.Parameter.empty if one.is_required else one.default or None
-    if one.kind == "flag":
+    kind = _TYPES.get(option.kind, str)
+    default = inspect.Parameter.empty if option.is_required else option.default or None
+    if option.kind == "flag":
         default = False
-    annotation: Any = list[kind] if one.most else kind if default else kind | None  # type: ignore[valid-type]
+    annotation: Any = list[kind] if option.most else kind if default else kind | None  # type: ignore[valid-type]
     return inspect.Parameter(
-        one.key,
+        option.key,
         inspect.Parameter.KEYWORD_ONLY,
         default=default,
-        annotation=Annotated[annotation if not one.is_required else kind, _info(table, one)],
+        annotation=Annotated[annotation if not option.is_required else kind, _info(table, option)],
     )
 
 
-def _info(table: type[Any], one: Option) -> Any:  # noqa: ANN401 - typer's argument or option
+def _info(table: type[Any], option: Option) -> Any:  # noqa: ANN401 - typer's argument or option
     """Return what typer is told of an option."""
     known: dict[str, Any] = {
-        "help": help_text(one, spelling(table, "command")),
-        "metavar": one.metavar or None,
-        "min": one.least,
-        "max": one.limit,
-        "autocompletion": known_names(one.section) if one.section else None,
+        "help": help_text(option, spelling(table, "command")),
+        "metavar": option.metavar or None,
+        "autocompletion": known_names(option.section) if option.section else None,
     }
-    if not one.group:
+    if not option.group:
         return typer.Argument(**known)
-    return typer.Option(*filter(None, (one.typed, one.short)), rich_help_panel=one.group, **known)
+    return typer.Option(option.typed, rich_help_panel=option.group, **known)
 
 
 def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:
@@ -87,8 +86,8 @@ def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:
 
 def _as_for_voyages(field: str) -> Any:  # noqa: ANN401 - typer's option
     """Return an option of other commands that means what it means for a voyage."""
-    (one,) = (one for one in options(VoyageRequest) if one.field == field)
-    return _info(VoyageRequest, one)
+    (option,) = (option for option in options(VoyageRequest) if option.field == field)
+    return _info(VoyageRequest, option)
 
 
 # --- of several commands ---
@@ -139,33 +138,18 @@ _NON_BREAKING_HYPHEN = "\N{NON-BREAKING HYPHEN}"
 
 
 class _WholeWords:
-    """A command whose help breaks lines between words only."""
+    """A command whose help breaks lines between words, not at the hyphens of options."""
 
     def get_help(self, ctx: Any) -> str:  # noqa: ANN401 - see above
-        """Return the help; no line breaks at the hyphen of an option."""
-
-        class Formatter(ctx.formatter_class):  # type: ignore[misc]
-            """Replaces hyphens before it wraps a text."""
-
-            def write_text(self, text: str) -> None:
-                """Write a paragraph."""
-                super().write_text(text.replace("-", _NON_BREAKING_HYPHEN))
-
-            def write_dl(self, rows: Any, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - see above
-                """Write a list of names with their meanings."""
-                unbroken = [(name, text.replace("-", _NON_BREAKING_HYPHEN)) for name, text in rows]
-                super().write_dl(unbroken, *args, **kwargs)
-
-        ctx.formatter_class = Formatter
+        """Return the help."""
+        commands = getattr(self, "commands", {}).values()
+        for described in (self, *self.params, *commands):  # type: ignore[attr-defined]
+            described.help = (described.help or "").replace("-", _NON_BREAKING_HYPHEN)
         text: str = super().get_help(ctx)  # type: ignore[misc]
         return text.replace(_NON_BREAKING_HYPHEN, "-")
 
 
 class Command(_WholeWords, TyperCommand):
-    """A command with whole words in its help."""
-
-
-class GroupedCommand(Command):
     """A command with groups of options, which parses negative numbers as arguments."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - see above
@@ -195,7 +179,12 @@ class BriefRefusals(_WholeWords, TyperGroup):
         with formatter.section("Commands"):
             formatter.write_dl(
                 [
-                    (name, " ".join((command.help or "").split("\n\n", 1)[0].split()))
+                    (
+                        name,
+                        " ".join((command.help or "").split("\n\n", 1)[0].split()).replace(
+                            "-", _NON_BREAKING_HYPHEN
+                        ),
+                    )
                     for name, command in commands
                     if command is not None and not command.hidden
                 ]

@@ -212,12 +212,10 @@ def run_to_end(
 
 
 def season_table(outcome: Outcome, width: int | None = None) -> str:
-    """Return the run's table, with what was decided and what is not known directly below it.
+    """Return the run's table: for each case the best route on each side of the main island.
 
-    Only when to leave, and a route over land of another shoreline, stand above it.
-
-    For each season it has the best route on each side of the main island. Ways are wrapped where
-    the table is wider than `width`, in characters.
+    Times of departure and routes over land of another chart stand above it; decisions and what is
+    not known, below. Ways are wrapped where the table is wider than `width`, in characters.
     """
     lengths = [ranked.metrics.length_m for ranked in outcome.result.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"

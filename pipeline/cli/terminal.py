@@ -126,7 +126,7 @@ def log_event(log: Any, status: str, fields: dict[str, object]) -> None:  # noqa
 
 
 def progress_bar(title: str) -> "Progress":
-    """Return a bar on standard error with a title, the number of steps, and the time."""
+    """Return a bar with a title, the number of steps and the time, shown on a terminal only."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -137,7 +137,9 @@ def progress_bar(title: str) -> "Progress":
         TextColumn("{task.description}", markup=False),
         TimeElapsedColumn(),
     )
-    return Progress(*columns, console=Console(file=sys.stderr), transient=True)
+    return Progress(
+        *columns, console=Console(file=sys.stderr), transient=True, disable=not sys.stderr.isatty()
+    )
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""Keep an installation in order: `renew doctor`, `renew warm` and `renew clean`.
+"""Keep an installation in order: `renew doctor | warm | clean`, and `renew qgis install`.
 
 The doctor checks what no error of a run tells, or tells too late: versions, folders that can be
 written, space on the disk, and the account for currents. A fault makes every run fail or its
@@ -6,7 +6,6 @@ results wrong. A warning is for something that only some runs need, such as the 
 """
 
 import contextlib
-import itertools
 import os
 import platform
 import re
@@ -20,15 +19,16 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution, version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import typer
-from packaging.requirements import Requirement
 
-from pipeline.cli.terminal import json_lines, progress_bar
+from pipeline.cli import options
+from pipeline.cli.failures import reported_errors
+from pipeline.cli.terminal import progress_bar
 from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.machine.interpreters import begun
-from pipeline.machine.paths import folder_to_write
+from pipeline.machine.paths import folder_to_write, shown
 from pipeline.sources.copernicus.client import PASSWORD, USERNAME, has_account, login_fault
 from pipeline.texts import clean
 
@@ -36,9 +36,6 @@ _MB = 1e6
 # Days in the units of `renew clean --older`.
 _DAYS = {"h": 1 / 24, "d": 1.0, "w": 7.0}
 _DISTRIBUTION = "renew-planner"
-# First version of Python that the package runs with, and first one that it was not tested with.
-_PYTHON = (3, 11)
-_NEXT_PYTHON = (3, 14)
 # Time limit for an answer of the service for currents, s.
 _LOGIN_S = 8.0
 # Free disk below which no run can finish, bytes.
@@ -75,9 +72,7 @@ def examine(output: Path, *, offline: bool = False) -> Iterator[Finding]:
     """
     login = begun(partial(check_login, offline=offline))  # while the other checks are made
     checks: dict[str, Callable[[], Finding]] = {
-        "Python": check_python,
         "libraries": check_libraries,
-        "triangulator": check_triangulator,
         "compiler's cache": check_compiler_cache,
         "output folder": partial(check_output, output),
         "login": login.result,
@@ -97,24 +92,17 @@ def guarded(what: str, check: Callable[[], Finding]) -> Finding:
         return Finding("fault", what, f"the check failed ({reason})", "install the package again")
 
 
-def check_python() -> Finding:
-    """Check the version of Python."""
-    text = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    if sys.version_info[:2] < _PYTHON:
-        return Finding("fault", "Python", text, "use Python 3.11, 3.12 or 3.13")
-    if sys.version_info[:2] >= _NEXT_PYTHON:
-        return Finding("warning", "Python", f"{text}, not tested", "use Python 3.13")
-    return Finding("ok", "Python", text)
-
-
 def check_libraries() -> Finding:
     """Check that the required libraries are installed in the required versions."""
+    from packaging.requirements import Requirement
+
     what = "libraries"
     try:
         requirements = [Requirement(line) for line in distribution(_DISTRIBUTION).requires or ()]
     except PackageNotFoundError:
         return Finding("warning", what, f"{_DISTRIBUTION} is not installed", "run `pip install .`")
-    there, wrong = [], []
+    system = f"{platform.system()} {platform.machine()}"
+    there, wrong = [f"Python {platform.python_version()} on {system}", _triangulator()], []
     for requirement in requirements:
         if requirement.marker is not None and not requirement.marker.evaluate():
             continue
@@ -131,15 +119,15 @@ def check_libraries() -> Finding:
     return Finding("ok", what, ", ".join(there))
 
 
-def check_triangulator() -> Finding:
-    """Report which library triangulates: Triangle if it is installed, else GEOS."""
+def _triangulator() -> str:
+    """Name the library that triangulates: Triangle if it is installed, else GEOS."""
     import shapely
 
     if find_spec("triangle") is None:
-        return Finding("ok", "triangulator", f"GEOS {shapely.geos_version_string}")
+        return f"triangulator GEOS {shapely.geos_version_string}"
     import triangle  # noqa: F401 - only to check that it can be loaded
 
-    return Finding("ok", "triangulator", f"Triangle, package {version('triangle')}")
+    return f"triangulator Triangle {version('triangle')}"
 
 
 def check_compiler_cache() -> Finding:
@@ -196,7 +184,7 @@ def check_login(*, offline: bool) -> Finding:
 
 
 def warm() -> str:
-    """Compile all functions that are not compiled yet, show the progress, and return a summary.
+    """Compile all functions that are not compiled yet, with a bar on a terminal; return a summary.
 
     Raises
     ------
@@ -220,9 +208,10 @@ def warm() -> str:
     if not _compiled.has_all():
         from renew.warming import REHEARSALS, rehearse  # importing this loads some code
 
-        with _counted_compilations() as compiled, _progress(len(REHEARSALS)) as on_step:
+        with _counted_compilations() as compiled, progress_bar("Compiling") as bar:
+            task = bar.add_task("starting", total=len(REHEARSALS), completed=-1)
             for what in rehearse():
-                on_step(what, compiled())
+                bar.update(task, advance=1, description=f"{what} ({compiled()} so far)")
             number = compiled()
         _compiled.note_all()
     size = sum(file.stat().st_size for file in folder.iterdir()) / _MB
@@ -242,22 +231,6 @@ def _counted_compilations() -> Iterator[Callable[[], int]]:
 
     with event.install_recorder("numba:compile") as recorder:
         yield lambda: sum(compilation.is_start for _, compilation in recorder.buffer)
-
-
-@contextlib.contextmanager
-def _progress(steps: int) -> Iterator[Callable[[str, int], None]]:
-    """Yield a function that reports a step: as a bar on a terminal, else as a line of JSON."""
-    if sys.stderr.isatty():
-        with progress_bar("Compiling") as bar:
-            task = bar.add_task("starting", total=steps, completed=-1)
-            yield lambda what, compiled: bar.update(
-                task, advance=1, description=f"{what} ({compiled} so far)"
-            )
-        return
-    log, numbers = json_lines(sys.stderr), itertools.count()
-    yield lambda what, compiled: log.info(
-        "compiling", step=next(numbers), steps=steps, plan=what, compiled=compiled
-    )
 
 
 # --- renew clean ---
@@ -312,3 +285,68 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
     if everything and (land := remove_cached()):
         text += f". The world's land was removed from the user's cache, too ({land / _MB:,.1f} MB)"
     return text
+
+
+# --- renew qgis: the plugin is in `qgis/`, and in the wheel ---
+
+# QGIS runs the plugin in a Python of its own, so it is given the path of this program, which it
+# calls.
+
+qgis_app = typer.Typer(
+    help="The plugin for QGIS: tools of its Processing toolbox.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+# Name of the plugin's folder.
+_PLUGIN = "renew_routes"
+
+
+@qgis_app.callback()
+def _group() -> None:
+    """Keep `install` a command of its own: a group of one command would be that command."""
+
+
+@qgis_app.command(cls=options.Command)
+def install(
+    *,
+    profile: Annotated[
+        str, typer.Option(metavar="NAME", help="The user's profile of QGIS.")
+    ] = "default",
+    plugins: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of plugins, in place of the profile's."),
+    ] = None,
+) -> None:
+    """Put the plugin into the user's profile of QGIS, in place of an earlier version."""
+    with reported_errors():
+        if Path(profile).name != profile:
+            raise RequestError(f"--profile = {shown(profile)!r} is no name; give one without '/'")
+        parent = plugins or _profiles() / profile / "python" / "plugins"
+        target = folder_to_write(parent, "--plugins") / _PLUGIN
+        if target.exists() and not (target / "metadata.txt").is_file():
+            raise RequestError(f"{shown(target)} is something else; move it away")
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(_source(), target, ignore=shutil.ignore_patterns("__pycache__"))
+        program = Path(sys.executable).with_name("renew")
+        (target / "program.txt").write_text(f"{program}\n", encoding="utf-8")
+        typer.echo(
+            f"Written to {target}\nStart QGIS anew and tick 'RENEW routes' in Plugins > Manage and "
+            f"Install Plugins > Installed, or run `qgis_process plugins enable {_PLUGIN}`"
+        )
+
+
+def _source() -> Path:
+    """Return the plugin's folder: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    for place in (package / "qgis" / _PLUGIN, package.parent / "qgis" / _PLUGIN):
+        if place.is_dir():
+            return place
+    raise RequestError(f"no plugin in {package}: the installation is incomplete; install again")
+
+
+def _profiles() -> Path:
+    """Return the folder of QGIS's profiles on Linux."""
+    if custom := os.environ.get("QGIS_CUSTOM_CONFIG_PATH"):
+        return Path(custom) / "profiles"
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(data) / "QGIS" / "QGIS3" / "profiles"

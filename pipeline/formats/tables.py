@@ -36,7 +36,7 @@ from pipeline.formats.passage.waypoints import (
 from pipeline.model import Case, DepartureChoice, Water
 from pipeline.scenario.loading import scenario_text
 from pipeline.texts import cell
-from renew.underway.coverage import State
+from renew.underway.survey import State
 
 _PASSAGE = ("departure", "arrival")
 

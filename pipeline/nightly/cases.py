@@ -12,7 +12,7 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -37,11 +37,11 @@ from pipeline.stages.region import endpoints_on_land, require_covered
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")
 _PLANE = ("start_x", "start_y", "goal_x", "goal_y")
-# Largest size of a file, bytes: a million pairs are a file of 50 MB, and take 1 GB of memory.
+# Largest size of a file of pairs, bytes: far more pairs than the cases of a night.
 _MAX_BYTES = 100 << 20
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 NONE = "-"
-"""Stands for a name of a case that is left out; removed at the end of the name."""
+"""Stands for a part that the name of a case lacks; removed at the end of the name."""
 # Dimensions of a block, in the order of a case's name after the scenario.
 _DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 # Largest number of cases of a night: all are held in memory.
@@ -51,6 +51,8 @@ _NO_NAME = re.compile(r"[^a-z0-9]+")
 _NEAR_M = 2_000.0
 # Keys that do not affect results.
 _NO_RESULT = {"output", "keep", "limit_hours", "workers"}
+# Adds a fault of a key to those of a [[cases]] table.
+_Refuse = Callable[[str, str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,16 +67,17 @@ class Pair:
 
 def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[str]]:
     """Read a file of pairs; return the valid pairs and the faults."""
-    if reason := unreadable_reason(path) or _size_reason(path):
-        return (), [
-            f"{shown(path)} {reason}; give a CSV file with the columns {_columns(is_planar)}"
-        ]
+    keys = (*(_PLANE if is_planar else _LONLAT), "name")
+    reason = unreadable_reason(path)
+    if not reason and (size := path.stat().st_size) > _MAX_BYTES:
+        reason = f"has {size >> 20:,} MB, more than {_MAX_BYTES >> 20}"
+    if reason:
+        return (), [f"{shown(path)} {reason}; give a CSV file with the columns {', '.join(keys)}"]
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         return (), [f"{shown(path)} can't be read as CSV: {error}; save it as CSV in UTF-8"]
-    keys = (*(_PLANE if is_planar else _LONLAT), "name")
     head = [cell.strip() for cell in rows[0]] if rows else []
     if found := _head_faults(head, keys):
         return (), [f"{path.name}, row 1: {fault}" for fault in found]
@@ -90,10 +93,20 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
         faults += [Fault(f"row {number}", f": {fault}", f"{path.name}, ") for fault in found]
         if pair is not None:
             pairs.append(pair)
-    faults += _repeated(path, pairs)
+    faults += _repeated(path.name, pairs)
     if not pairs and not faults:
         faults.append(f"{path.name} has no pairs; add a row for each below the header")
     return tuple(pairs), faults
+
+
+def _repeated(file: str, pairs: Iterable[Pair]) -> list[str]:
+    """Return a message for each name that an earlier row has, too."""
+    rows: dict[str, int] = {}
+    return [
+        f"{file}, row {pair.row}: name = {pair.name!r} is also the name of row {first}; rename one"
+        for pair in pairs
+        if (first := rows.setdefault(pair.name, pair.row)) != pair.row
+    ]
 
 
 def _head_faults(head: Sequence[str], keys: Sequence[str]) -> list[str]:
@@ -106,17 +119,6 @@ def _head_faults(head: Sequence[str], keys: Sequence[str]) -> list[str]:
     if len(set(head)) < len(head):
         faults.append("a column comes twice; leave one out")
     return faults
-
-
-def _size_reason(path: Path) -> str:
-    """Return a message if a file of pairs is too large, or ""."""
-    size = path.stat().st_size
-    large = f"has {size >> 20:,} MB, more than {_MAX_BYTES >> 20}"
-    return large if size > _MAX_BYTES else ""
-
-
-def _columns(is_planar: bool) -> str:  # noqa: FBT001 - called with a name's value
-    return ", ".join((*(_PLANE if is_planar else _LONLAT), "name"))
 
 
 def _pair(
@@ -150,52 +152,25 @@ def _pair(
     return Pair(name, (figures[0], figures[1]), (figures[2], figures[3]), number), []
 
 
-def _repeated(path: Path, pairs: list[Pair]) -> list[str]:
-    """Return a message for each name that an earlier row has, too."""
-    first: dict[str, int] = {}
-    faults = []
-    for pair in pairs:
-        if pair.name in first:
-            faults.append(
-                f"{path.name}, row {pair.row}: name = {pair.name!r} is also the name of row "
-                f"{first[pair.name]}; rename one"
-            )
-        first.setdefault(pair.name, pair.row)
-    return faults
-
-
-@dataclass(frozen=True, slots=True)
-class Member:
-    """A member of an ensemble of currents: a file, and its name."""
-
-    name: str
-    path: str
-
-
 @dataclass(frozen=True)
 class Block:
-    """The cases of one [[cases]] table; a dimension that was left out contains only None."""
+    """The cases of one [[cases]] table; a dimension that was left out contains only None.
+
+    Each of the `members` is the path of a file of currents.
+    """
 
     number: int
     scenario: Scenario
     vessels: tuple[VesselSpec | None, ...]
     seasons: tuple[Season, ...]
     departures: tuple[Departure | None, ...]
-    members: tuple[Member | None, ...]
+    members: tuple[str | None, ...]
     pairs: tuple[Pair | None, ...]
 
     @property
     def size(self) -> int:
         """Number of cases."""
         return math.prod(len(getattr(self, dimension)) for dimension in _DIMENSIONS)
-
-    def cases(self, offset: int) -> Iterator["NightCase"]:
-        """Yield the cases in order; `offset` is the number of cases before the block."""
-        voyages = itertools.product(
-            self.vessels, self.seasons, self.departures, self.members, self.pairs
-        )
-        for index, (vessel, season, departure, member, pair) in enumerate(voyages, offset):
-            yield NightCase(index, self, vessel, season, departure, member, pair)
 
     @cached_property
     def names(self) -> tuple[frozenset[str], ...]:
@@ -208,7 +183,7 @@ class Block:
     def named(self, asked: str) -> "Block | None":
         """Return the block of the cases whose names are or begin with `asked`, or None.
 
-        Each dimension is searched separately, because the product may have billions of cases.
+        Each dimension is searched on its own: before this, a block may have billions of cases.
         """
         scenario, *wanted = asked.strip("/").split("/")
         kept: dict[str, Any] = {
@@ -221,21 +196,23 @@ class Block:
         return replace(self, **kept)
 
 
-def _name_of(part: Season | Pair | Departure | VesselSpec | Member | None) -> str:
-    """Return a name of a case."""
+def _name_of(part: Season | Pair | Departure | VesselSpec | str | None) -> str:
+    """Return a name of a case; that of a member is its file's name in the characters of names."""
+    if isinstance(part, str):
+        return _NO_NAME.sub("-", Path(part).stem.lower()).strip("-")[:64] or "member"
     return NONE if part is None else part.name
 
 
 @dataclass(frozen=True)
 class NightCase:
-    """One voyage to plan."""
+    """One voyage to plan; `index` is its place among all cases of the night."""
 
     index: int
     block: Block
     vessel: VesselSpec | None
     season: Season
     departure: Departure | None
-    member: Member | None
+    member: str | None
     pair: Pair | None
 
     @property
@@ -265,37 +242,14 @@ class NightCase:
         return self.block.number, season, departure, member
 
 
-@dataclass(frozen=True)
-class Cases:
-    """All cases, by their index."""
-
-    blocks: tuple[Block, ...]
-
-    @cached_property
-    def _all(self) -> list[NightCase]:
-        """All cases in order."""
-        cases = list[NightCase]()
-        for block in self.blocks:
-            cases += block.cases(len(cases))
-        return cases
-
-    def __len__(self) -> int:
-        """Return the number of all cases."""
-        return sum(block.size for block in self.blocks)
-
-    def __getitem__(self, index: int) -> NightCase:
-        """Return the case at an index."""
-        return self._all[index]
-
-    def __iter__(self) -> Iterator[NightCase]:
-        """Yield all cases in order."""
-        return iter(self._all)
-
-    def chart_ranges(self) -> list[tuple[int, int]]:
-        """Return the ranges (first, end) of cases that share a chart."""
-        groups = itertools.groupby(self, lambda case: case.chart)
-        sizes = [len(list(group)) for _, group in groups]
-        return list(itertools.pairwise(itertools.accumulate(sizes, initial=0)))
+def all_cases(blocks: Iterable[Block]) -> Iterator[NightCase]:
+    """Yield all cases of a night in order."""
+    index = itertools.count()
+    for block in blocks:
+        for voyage in itertools.product(
+            block.vessels, block.seasons, block.departures, block.members, block.pairs
+        ):
+            yield NightCase(next(index), block, *voyage)
 
 
 def matches(name: str, asked: str) -> bool:
@@ -306,41 +260,28 @@ def matches(name: str, asked: str) -> bool:
     return parts[: len(wanted)] == wanted
 
 
-def doubled(blocks: Sequence[Block]) -> list[tuple[Block, Block]]:
-    """Return pairs of blocks that have cases with the same name."""
-    return [
-        (one, other)
-        for one, other in itertools.combinations(blocks, 2)
-        if not any(a.isdisjoint(b) for a, b in zip(one.names, other.names, strict=True))
-    ]
-
-
-def request_hash(config: NightConfig, cases: Cases) -> str:
+def request_hash(config: NightConfig, blocks: Iterable[Block]) -> str:
     """Return a hash of all inputs of the results except the currents' data and the code.
 
     Charts, depths and pairs are represented by their content.
     """
-    described = [
-        config.spec.model_dump_json(exclude=_NO_RESULT),
-        *(text for block in cases.blocks for text in _described(block)),
-    ]
+    described = [config.spec.model_dump_json(exclude=_NO_RESULT)]
+    for block in blocks:
+        names = [season.name for season in block.seasons]
+        described += [
+            block.scenario.model_dump_json(),
+            str([block.vessels, block.members, block.pairs, names]),
+        ]
+        if not block.scenario.is_planar:
+            described += charted_land(block.scenario).identity
     return hashlib.sha256("\n".join(described).encode()).hexdigest()
-
-
-def _described(block: Block) -> Iterator[str]:
-    """Yield texts that identify a block of cases."""
-    scenario = block.scenario
-    yield scenario.model_dump_json()
-    yield str([block.vessels, block.members, block.pairs, [one.name for one in block.seasons]])
-    if not scenario.is_planar:
-        yield "\n".join(charted_land(scenario).identity)
 
 
 # --- from a night's file to its cases ---
 
 
-def expand(config: NightConfig, *, only: str | None = None) -> Cases:
-    """Return the cases of a night.
+def expand(config: NightConfig, *, only: str | None = None) -> list[Block]:
+    """Return the cases of a night, a block for each [[cases]] table.
 
     Parameters
     ----------
@@ -354,19 +295,19 @@ def expand(config: NightConfig, *, only: str | None = None) -> Cases:
         one line each.
     """
     faults: list[str] = []
-    blocks = []
-    for number, spec in enumerate(config.spec.cases):
-        block, found = _Expansion(config, number, spec).block()
-        faults += found
-        if block is not None:
-            blocks.append(block)
+    blocks = [
+        block
+        for number, spec in enumerate(config.spec.cases)
+        if (block := _block(config, number, spec, faults)) is not None
+    ]
     faults += [
         config.located(
             f"cases[{other.number}].scenario",
             f" = {other.scenario.name!r}: asks for cases of cases[{one.number}] again; leave them "
             "out in one of the two",
         )
-        for one, other in doubled(blocks)
+        for one, other in itertools.combinations(blocks, 2)
+        if not any(a.isdisjoint(b) for a, b in zip(one.names, other.names, strict=True))
     ]
     for number, voyage in enumerate(config.spec.voyages):
         for key, given in (("results", voyage.results), ("positions", voyage.positions)):
@@ -374,293 +315,236 @@ def expand(config: NightConfig, *, only: str | None = None) -> Cases:
                 faults.append(config.located(f"voyages[{number}].{key}", f" = {given!r} {reason}"))
     if faults:
         raise RequestError(faults)
-    cases = Cases(tuple(blocks))
     if only is not None:
-        cases = _only(cases, only)
-    if len(cases) > _MAX_CASES:
-        sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
+        wanted = [kept for block in blocks if (kept := block.named(only)) is not None]
+        if not wanted:
+            example = next(all_cases(blocks)).name
+            raise RequestError(f"--only: no case is called {only!r}; a name looks like {example!r}")
+        blocks = wanted
+    if (count := sum(block.size for block in blocks)) > _MAX_CASES:
+        sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in blocks)
         fault = (
-            f": there are {len(cases):,} ({sizes}), more than {_MAX_CASES:,}; divide them among "
+            f": there are {count:,} ({sizes}), more than {_MAX_CASES:,}; divide them among "
             "several files, each with its own output folder"
         )
         raise RequestError(config.located("cases", fault))
-    return cases
+    return blocks
 
 
-class _Expansion:
-    """Expands one [[cases]] table into a block."""
+def _block(config: NightConfig, number: int, spec: CaseSpec, faults: list[str]) -> Block | None:
+    """Return the block of a [[cases]] table; None if it has faults, which are added to `faults`."""
+    own_faults: list[str] = []
 
-    def __init__(self, config: NightConfig, number: int, spec: CaseSpec) -> None:
-        self._config, self._number, self._spec = config, number, spec
-        self._faults: list[str] = []
-
-    def block(self) -> tuple[Block | None, list[str]]:
-        """Return the block and no faults, or None and the faults."""
-        spec = self._spec
-        vessels = self._vessels()
-        members = self._members()
-        scenario = self._scenario()
-        if scenario is None:
-            return None, self._faults
-        if scenario.is_planar and (spec.members or spec.currents):
-            self._fault(
-                "members" if spec.members else "currents", "needs a chart; a plane has none"
-            )
-        seasons = self._seasons(scenario)
-        pairs = self._pairs(scenario)
-        departures: tuple[Departure | None, ...] = (None,)
-        if spec.departures is not None:
-            departures = spec.departures.departures()
-        if self._faults:
-            return None, self._faults
-        return Block(
-            self._number, scenario, vessels, seasons, departures, members, pairs
-        ), self._faults
-
-    def _fault(self, key: str, text: str) -> None:
-        """Add a fault of a key, or one in the key's file."""
-        where = f"cases[{self._number}].{key}"
+    def refuse(key: str, text: str) -> None:
+        """Add a fault of a key, or one in the file that the key names."""
+        where = f"cases[{number}].{key}"
         if isinstance(text, Fault):
-            self._faults.append(text.behind(self._config.located(where, ": ")))
+            own_faults.append(text.behind(config.located(where, ": ")))
         else:
-            self._faults.append(self._config.located(where, f": {text}"))
+            own_faults.append(config.located(where, f": {text}"))
 
-    def _here(self, path: str) -> str:
-        """Return a path relative to the file's own folder."""
-        return self._config.here(path)
+    vessels = _vessels(spec, refuse)
+    members = _members(config, spec, refuse)
+    scenario = _scenario(config, spec, refuse)
+    block = None
+    if scenario is not None:
+        if scenario.is_planar and (spec.members or spec.currents):
+            refuse("members" if spec.members else "currents", "needs a chart; a plane has none")
+        seasons = _seasons(spec, scenario, refuse)
+        pairs = _pairs(config, spec, scenario, refuse)
+        departures = (None,) if spec.departures is None else spec.departures.departures()
+        block = Block(number, scenario, vessels, seasons, departures, members, pairs)
+    faults += own_faults
+    return None if own_faults else block
 
-    def _scenario(self) -> Scenario | None:
-        """Load the scenario; files of its currents may not exist yet."""
-        asked, about = self._spec.scenario, ""
+
+def _scenario(config: NightConfig, spec: CaseSpec, refuse: _Refuse) -> Scenario | None:
+    """Load the scenario; files of its currents may not exist yet."""
+    asked, about = spec.scenario, ""
+    try:
+        # Path.exists raises an error if a name is too long.
+        beside = config.here(asked)
+        is_file = looks_like_path(asked) or os.path.exists(beside)  # noqa: PTH110
+        is_named = asked in catalogue.names("scenarios") or not is_file
+        path = catalogue.scenario_path(asked if is_named else beside)
+        data = catalogue.read_toml(path)
+        about = f"{asked!r}: "  # faults of the file are named by its path
+        if spec.departures is not None:
+            data = _with_times(data)
+        scenario = parse_scenario(data, path.parent)
+        require_covered(_without_files(scenario))
+        return _with_own_currents(config, spec, scenario)
+    except RequestError as error:
+        for fault in error.faults:
+            refuse("scenario", f"{about}{fault}")
+        return None
+
+
+def _with_own_currents(config: NightConfig, spec: CaseSpec, scenario: Scenario) -> Scenario:
+    """Replace the scenario's currents with those of the table, if it has any."""
+    if not spec.currents or scenario.is_planar:
+        return scenario
+    sources = catalogue.names("sources")
+    for name in spec.currents:
+        if not looks_like_path(name) and name not in sources:
+            raise RequestError([f"currents {catalogue.unknown('source', name, sources)}"])
+    named = tuple((config.here(name),) if looks_like_path(name) else name for name in spec.currents)
+    seasons = tuple(season.model_copy(update={"currents": named}) for season in scenario.seasons)
+    faults = [
+        f"season {season.name!r} {fault}" for season in seasons for fault in season.member_faults()
+    ]
+    if faults:
+        raise RequestError(faults)
+    return scenario.model_copy(update={"seasons": seasons})
+
+
+def _vessels(spec: CaseSpec, refuse: _Refuse) -> tuple[VesselSpec | None, ...]:
+    """Return the vessels of the table, or None for the scenario's own."""
+    if spec.vessels is None:
+        return (None,)
+    vessels = []
+    for name in spec.vessels:
         try:
-            is_named = asked in catalogue.names("scenarios")
-            path = catalogue.scenario_path(asked if is_named else self._named_or_path(asked))
-            data = catalogue.read_toml(path)
-            about = f"{asked!r}: "  # faults of the file are named by its path
-            if self._spec.departures is not None:
-                data = _with_times(data)
-            scenario = parse_scenario(data, path.parent)
-            require_covered(_without_files(scenario))
-            return self._with_own_currents(scenario)
+            vessels.append(catalogue.vessel(name))
         except RequestError as error:
             for fault in error.faults:
-                self._fault("scenario", f"{about}{fault}")
-            return None
+                refuse("vessels", fault)
+    _refuse_repeated("vessels", spec.vessels, refuse)
+    return tuple(vessels)
 
-    def _named_or_path(self, asked: str) -> str:
-        """Return the path relative to the file's folder, unless the text is a catalogue name."""
-        path = self._here(asked)
-        # Path.exists raises an error if a name is too long.
-        return path if looks_like_path(asked) or os.path.exists(path) else asked  # noqa: PTH110
 
-    def _with_own_currents(self, scenario: Scenario) -> Scenario:
-        """Replace the scenario's currents with those of the table, if it has any."""
-        if not self._spec.currents or scenario.is_planar:
-            return scenario
-        named = tuple(
-            (self._here(one),) if looks_like_path(one) else one for one in self._spec.currents
-        )
-        for one in named:
-            if isinstance(one, str) and one not in catalogue.names("sources"):
-                raise RequestError(
-                    [f"currents {catalogue.unknown('source', one, catalogue.names('sources'))}"]
-                )
-        seasons = tuple(
-            season.model_copy(update={"currents": named}) for season in scenario.seasons
-        )
-        faults = [(one.name, fault) for one in seasons for fault in one.member_faults()]
-        if faults:
-            raise RequestError([f"season {name!r} {fault}" for name, fault in faults])
-        return scenario.model_copy(update={"seasons": seasons})
-
-    def _vessels(self) -> tuple[VesselSpec | None, ...]:
-        """Return the vessels of the table, or None for the scenario's own."""
-        if self._spec.vessels is None:
-            return (None,)
-        found = []
-        for name in self._spec.vessels:
-            try:
-                found.append(catalogue.vessel(name))
-            except RequestError as error:
-                for fault in error.faults:
-                    self._fault("vessels", fault)
-        self._refuse_repeated("vessels", self._spec.vessels)
-        return tuple(found)
-
-    def _seasons(self, scenario: Scenario) -> tuple[Season, ...]:
-        """Return the seasons that the table asks for."""
-        known = {season.name: season for season in scenario.seasons}
-        for key in ("via", "avoid", "tide"):
-            if getattr(scenario, key):
-                self._fault(
-                    "scenario",
-                    f"{scenario.name} has '{key}', which a night can't plan with; leave it out",
-                )
-        asked = known if self._spec.seasons is None else self._spec.seasons
-        for name in asked:
-            if name not in known:
-                continue
-            if known[name].speed is None and known[name].leaves_departure_open:
-                self._fault(
-                    "scenario" if self._spec.seasons is None else "seasons",
-                    f"season {name!r} of {scenario.name} leaves its departure open; each departure "
-                    "of a night is a case: give the season a 'departure' in place of 'departures' "
-                    "or 'arrive_by', and list them in this table's 'departures'",
-                )
-            if known[name].speed is not None:
-                self._fault(
-                    "scenario" if self._spec.seasons is None else "seasons",
-                    f"season {name!r} of {scenario.name} has 'speed' and its own times; a night "
-                    "plans each case at the vessel's speed: leave out the season, or its 'speed' "
-                    "and 'arrive_by'",
-                )
-        if self._spec.seasons is None:
-            return scenario.seasons
-        for name in self._spec.seasons:
-            if name not in known:
-                self._fault(
-                    "seasons",
-                    f"{name!r} is no season of {scenario.name}; there are: " + ", ".join(known),
-                )
-        self._refuse_repeated("seasons", self._spec.seasons)
-        return tuple(known[name] for name in self._spec.seasons if name in known)
-
-    def _members(self) -> tuple[Member | None, ...]:
-        """Return a member for each file; a missing file is no fault, as it may arrive later."""
-        if self._spec.members is None:
-            return (None,)
-        paths: list[str] = []
-        for pattern in map(self._here, self._spec.members):
-            paths += sorted(glob.glob(str(Path(pattern).expanduser()))) or [pattern]  # noqa: PTH207 - Path.glob takes no absolute pattern
-        members = [Member(_name(Path(path).stem), path) for path in paths]
-        self._refuse_repeated("members", [member.name for member in members])
-        return tuple(members)
-
-    def _pairs(self, scenario: Scenario) -> tuple[Pair | None, ...]:
-        """Read the pairs; pairs outside the region are faults."""
-        if self._spec.pairs is None:
-            return (None,)
-        pairs, faults = read_pairs(Path(self._here(self._spec.pairs)), is_planar=scenario.is_planar)
-        if not scenario.is_planar and scenario.region is None:
-            self._fault(
-                "pairs", f"need a region that contains them; add a [region] to {scenario.name}"
+def _seasons(spec: CaseSpec, scenario: Scenario, refuse: _Refuse) -> tuple[Season, ...]:
+    """Return the scenario's seasons that the table asks for."""
+    for key in ("via", "avoid", "tide"):
+        if getattr(scenario, key):
+            refuse(
+                "scenario",
+                f"{scenario.name} has '{key}', which a night can't plan with; leave it out",
             )
-        elif pairs:
-            faults = [*faults, *_outside(scenario, pairs, Path(self._spec.pairs).name)]
-        for fault in faults:
-            self._fault("pairs", fault)
-        return pairs
+    known = {season.name: season for season in scenario.seasons}
+    asked = tuple(known) if spec.seasons is None else spec.seasons
+    where = "scenario" if spec.seasons is None else "seasons"
+    for name in asked:
+        if name not in known:
+            refuse(
+                where,
+                f"{name!r} is no season of {scenario.name}; there are: {', '.join(known)}",
+            )
+        elif known[name].speed is not None:
+            refuse(
+                where,
+                f"season {name!r} of {scenario.name} has 'speed' and its own times; a night "
+                "plans each case at the vessel's speed: leave out the season, or its 'speed' "
+                "and 'arrive_by'",
+            )
+        elif known[name].leaves_departure_open:
+            refuse(
+                where,
+                f"season {name!r} of {scenario.name} leaves its departure open; each departure "
+                "of a night is a case: give the season a 'departure' in place of 'departures' "
+                "or 'arrive_by', and list them in this table's 'departures'",
+            )
+    _refuse_repeated(where, asked, refuse)
+    return tuple(known[name] for name in asked if name in known)
 
-    def _refuse_repeated(self, key: str, names: Sequence[str]) -> None:
-        """Add a fault for each name that occurs twice."""
-        for name in (name for name, count in Counter(names).items() if count > 1):
-            self._fault(key, f"{name!r} comes twice; leave one out")
+
+def _members(config: NightConfig, spec: CaseSpec, refuse: _Refuse) -> tuple[str | None, ...]:
+    """Return the path of each member; a missing file is no fault, as it may arrive later."""
+    if spec.members is None:
+        return (None,)
+    paths: list[str] = []
+    for pattern in map(config.here, spec.members):
+        paths += sorted(glob.glob(str(Path(pattern).expanduser()))) or [pattern]  # noqa: PTH207 - Path.glob takes no absolute pattern
+    _refuse_repeated("members", [_name_of(path) for path in paths], refuse)
+    return tuple(paths)
 
 
-def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
-    """Return a message for each start or goal outside a scenario's area."""
-    import shapely
+def _pairs(
+    config: NightConfig, spec: CaseSpec, scenario: Scenario, refuse: _Refuse
+) -> tuple[Pair | None, ...]:
+    """Read the pairs; pairs outside the region are faults."""
+    if spec.pairs is None:
+        return (None,)
+    file = Path(config.here(spec.pairs))
+    pairs, faults = read_pairs(file, is_planar=scenario.is_planar)
+    if not scenario.is_planar and scenario.region is None:
+        refuse("pairs", f"need a region that contains them; add a [region] to {scenario.name}")
+    elif pairs:
+        area = scenario.area
+        shapely.prepare(area)
+        what = "plane" if scenario.is_planar else "region"
+        bounds = ", ".join(f"{bound:g}" for bound in area.bounds)
+        faults += [
+            f"{file.name}, row {pair.row}: {name} = {list(place)} lies outside the {what} of "
+            f"{scenario.name} ({bounds}); move it inside, or widen the {what}"
+            for pair in pairs
+            for name, place in (("start", pair.start), ("goal", pair.goal))
+            if not area.covers(shapely.Point(place))
+        ]
+    for fault in faults:
+        refuse("pairs", fault)
+    return pairs
 
-    area = scenario.area
-    shapely.prepare(area)
-    what = "plane" if scenario.is_planar else "region"
-    bounds = ", ".join(f"{bound:g}" for bound in area.bounds)
-    return [
-        f"{file}, row {pair.row}: {name} = {list(place)} lies outside the {what} of "
-        f"{scenario.name} ({bounds}); move it inside, or widen the {what}"
-        for pair in pairs
-        for name, place in (("start", pair.start), ("goal", pair.goal))
-        if not area.covers(shapely.Point(place))
-    ]
+
+def _refuse_repeated(key: str, names: Iterable[str], refuse: _Refuse) -> None:
+    """Add a fault for each name that occurs twice."""
+    for name, count in Counter(names).items():
+        if count > 1:
+            refuse(key, f"{name!r} comes twice; leave one out")
 
 
 def _with_times(data: dict[str, Any]) -> dict[str, Any]:
-    """Add a time to seasons that have changing currents or files of currents, but no time.
+    """Add a time to seasons that need one and have none; each case's departure replaces it.
 
-    It is replaced by each case's departure.
+    The tables are those of a file, and not yet checked.
     """
-    given = data.get("seasons")
-    seasons = [
-        {**_time(season), **season} if isinstance(season, dict) else season
-        for season in (given if isinstance(given, list) else ())
-    ]
-    return {**data, "seasons": seasons} if seasons else data
-
-
-def _time(season: dict[str, Any]) -> dict[str, Any]:
-    """Return a provisional time for a season's table, if it may lack one."""
-    if season.get("time_method") == "changing":
-        is_open = {"departures", "arrive_by"} & season.keys()
-        return {} if is_open else {"departure": datetime.fromtimestamp(0, UTC)}
-    is_file = any(not isinstance(one, str) or looks_like_path(one) for one in _listed(season))
-    return {"valid": "1970-01"} if is_file else {}
-
-
-def _listed(season: dict[str, Any]) -> list[Any]:
-    """Return the currents of a season's table, or [] if they are not a list."""
-    currents = season.get("currents")
-    return currents if isinstance(currents, list) else []
+    tables = data.get("seasons")
+    if not isinstance(tables, list):
+        return data
+    seasons = []
+    for season in tables:
+        time: dict[str, Any] = {}
+        if isinstance(season, dict):
+            currents = season.get("currents")
+            sources = currents if isinstance(currents, list) else ()
+            if season.get("time_method") == "changing":
+                if not {"departures", "arrive_by"} & season.keys():
+                    time = {"departure": datetime.fromtimestamp(0, UTC)}
+            elif any(not isinstance(one, str) or looks_like_path(one) for one in sources):
+                time = {"valid": "1970-01"}  # files
+        seasons.append({**time, **season} if time else season)
+    return {**data, "seasons": seasons}
 
 
 def _without_files(scenario: Scenario) -> Scenario:
     """Remove files of currents from a scenario, because a forecast may arrive later."""
     seasons = []
     for season in scenario.seasons:
-        named = tuple(one for one in season.currents if isinstance(one, str))
+        named = tuple(source for source in season.currents if isinstance(source, str))
         seasons.append(season.model_copy(update={"currents": named or (STILL,)}))
     return scenario.model_copy(update={"seasons": tuple(seasons)})
 
 
-def _name(stem: str) -> str:
-    """Return a member's name: the file's name reduced to lower-case letters, digits and '-'."""
-    return _NO_NAME.sub("-", stem.lower()).strip("-")[:64] or "member"
-
-
-def _only(cases: Cases, asked: str) -> Cases:
-    """Return the cases whose names are or begin with `asked`; raise RequestError for none."""
-    blocks = [kept for block in cases.blocks if (kept := block.named(asked)) is not None]
-    if not blocks:
-        example = cases[0].name
-        raise RequestError(f"--only: no case is called {asked!r}; a name looks like {example!r}")
-    return Cases(tuple(blocks))
-
-
-def pairs_on_land(config: NightConfig, cases: Cases) -> list[Fault]:
+def pairs_on_land(config: NightConfig, blocks: Iterable[Block]) -> list[Fault]:
     """Return a message for each start and goal on land."""
     faults = []
-    for block in cases.blocks:
-        if block.scenario.is_planar:
+    for block in blocks:
+        scenario = block.scenario
+        if scenario.is_planar:
             continue
-        file = config.spec.cases[block.number].pairs
-        voyages = _voyages(block)
-        for suspect in _suspects([scenario for scenario, _ in voyages]):
-            scenario, row = voyages[suspect]
-            key, where = ("pairs", f"{file}, row {row}: ") if row else ("scenario", "")
+        voyages = [scenario if pair is None else pair for pair in block.pairs]
+        ends = shapely.points([end for voyage in voyages for end in (voyage.start, voyage.goal)])
+        around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)
+        land = shapely.STRtree(charted_land(scenario).land(around).polygons)
+        # All ends are tested at once, which is quick; to find the nearest water takes longer.
+        for at in sorted(set(land.query(ends, predicate="intersects")[0] // 2)):
+            pair, key, where = block.pairs[at], "scenario", ""
+            if pair is not None:
+                file = config.spec.cases[block.number].pairs
+                key, where = "pairs", f"{file}, row {pair.row}: "
+                scenario = scenario.model_copy(update={"start": pair.start, "goal": pair.goal})
             faults += [
                 config.located(f"cases[{block.number}].{key}", f": {where}{fault}")
                 for fault in endpoints_on_land(scenario)
             ]
     return faults
-
-
-def _voyages(block: Block) -> list[tuple[Scenario, int]]:
-    """Return the scenario of each pair, with the pair's row; 0 for the scenario's own ends."""
-    return [
-        (block.scenario, 0)
-        if pair is None
-        else (block.scenario.model_copy(update={"start": pair.start, "goal": pair.goal}), pair.row)
-        for pair in block.pairs
-    ]
-
-
-def _suspects(scenarios: Sequence[Scenario]) -> list[int]:
-    """Return the indices of the voyages on one chart that have an end on land.
-
-    All are tested together, which is quick; finding the nearest water for messages takes longer.
-    """
-    ends = shapely.points([end for one in scenarios for end in (one.start, one.goal)])
-    around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)
-    source = charted_land(scenarios[0])
-    land = shapely.STRtree(source.land(around).polygons)
-    found = land.query(ends, predicate="intersects")[0]
-    return sorted(set((found // 2).tolist()))

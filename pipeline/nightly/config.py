@@ -1,7 +1,8 @@
 """The request of a night: one strict TOML file; every fault is reported with file and line."""
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Literal
@@ -23,7 +24,7 @@ from pipeline.scenario.strict import (
     validated,
 )
 
-_TIME = re.compile(r"([01]\d|2[0-3]):([0-5]\d)Z", re.ASCII)
+_TIME = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\dZ", re.ASCII)
 _DAY = timedelta(days=1)
 # Folder of results, relative to the working directory, if neither the file nor --output names one.
 _DEFAULT_OUTPUT = "outputs/nightly"
@@ -55,11 +56,8 @@ class DepartureSpec(StrictModel):
 
     def departures(self) -> "tuple[Departure, ...]":
         """Return all departures."""
-        found = _TIME.fullmatch(self.first)
-        if found is None:
-            raise ValueError("validated when the table was read")
-        first = timedelta(hours=int(found[1]), minutes=int(found[2]))
-        step = interval(self.every)
+        hours, minutes = map(int, self.first.removesuffix("Z").split(":"))
+        first, step = timedelta(hours=hours, minutes=minutes), interval(self.every)
         return tuple(Departure(first, i * step) for i in range(self.count))
 
 
@@ -84,40 +82,28 @@ class Departure:
         return (first if first >= reference else first + _DAY) + self.later
 
 
-@dataclass
-class TomlLines:
-    """Line numbers of a TOML file's keys; a key in an inline table has the table's line."""
+def _lines_of_keys(text: str) -> dict[str, int]:
+    """Return the line (from 1) of each table and of each key that begins a line of a TOML file."""
+    lines, counts, table = dict[str, int](), dict[str, int](), ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := _HEADER.match(line):
+            table = header[2]
+            if header[1] == "[[":
+                counts[table] = counts.get(table, -1) + 1
+                table = f"{table}[{counts[table]}]"
+            lines.setdefault(table, number)
+        elif key := _KEY.match(line):
+            lines.setdefault(f"{table}.{key[1]}" if table else key[1], number)
+    return lines
 
-    text: str
-    _lines: dict[str, int] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        """Parse the tables' headers and the keys at the beginning of lines."""
-        table, counts = "", dict[str, int]()
-        for number, line in enumerate(self.text.splitlines(), start=1):
-            if header := _HEADER.match(line):
-                table = header[2]
-                if header[1] == "[[":
-                    counts[table] = counts.get(table, -1) + 1
-                    table = f"{table}[{counts[table]}]"
-                self._lines.setdefault(table, number)
-            elif key := _KEY.match(line):
-                path = f"{table}.{key[1]}" if table else key[1]
-                self._lines.setdefault(path, number)
-
-    def line(self, path: str) -> int:
-        """Return the line (from 1) of a key or, if it is missing, of the table around it."""
-        while path:
-            if path in self._lines:
-                return self._lines[path]
-            shorter = path.rpartition(".")[0]
-            path = shorter or ("" if "[" not in path else path.partition("[")[0])
-        return 1
-
-    def located(self, fault: Fault, file: str) -> Fault:
-        """Prepend file and line to a fault of a key."""
-        before, after = fault.around
-        return Fault(f"line {self.line(fault.place)}: {before}{fault.place}", after, f"{file}, ")
+def _located(lines: Mapping[str, int], fault: Fault, file: str) -> Fault:
+    """Prepend the file and a line to a fault: that of its key or, without one, of its table."""
+    place = fault.place
+    while place and place not in lines:
+        place = place.rpartition("." if "." in place else "[")[0]
+    before, after = fault.around
+    return Fault(f"line {lines.get(place, 1)}: {before}{fault.place}", after, f"{file}, ")
 
 
 class CaseSpec(StrictModel):
@@ -199,7 +185,7 @@ class NightConfig:
 
     spec: NightSpec
     path: Path
-    lines: TomlLines
+    lines: Mapping[str, int]
     output: Path
 
     def here(self, path: str) -> str:
@@ -208,12 +194,7 @@ class NightConfig:
 
     def located(self, key: str, text: str) -> Fault:
         """Return a fault of a key, with file and line before it."""
-        return self.lines.located(Fault(key, text), self.path.name)
-
-
-def shipped_config() -> Path:
-    """Return the path of the file that comes with RENEW: two scenarios, which run offline."""
-    return catalogue.root() / "nightly.toml"
+        return _located(self.lines, Fault(key, text), self.path.name)
 
 
 def load_config(file: Path | None = None, output: Path | None = None) -> NightConfig:
@@ -222,7 +203,7 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
     Parameters
     ----------
     file
-        The file; default: `shipped_config`.
+        The file; by default the one that comes with RENEW: two scenarios, which run offline.
     output
         Folder of all cycles, in place of the one in the file.
 
@@ -231,14 +212,14 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
     RequestError
         The file is missing, not TOML, or invalid: one line for each fault.
     """
-    path = shipped_config() if file is None else expanded(file, "--config")
+    path = catalogue.root() / "nightly.toml" if file is None else expanded(file, "--config")
     if reason := unreadable_reason(path):
         raise RequestError(f"--config: {shown(path)} {reason}; give a TOML file")
     if path.is_dir():
         raise RequestError(f"--config: {shown(path)} is a folder; name the TOML file in it")
     data = catalogue.read_toml(path)
-    lines = TomlLines(path.read_text(encoding="utf-8"))
-    spec = validated(NightSpec, data, lambda fault: lines.located(fault, path.name))
+    lines = _lines_of_keys(path.read_text(encoding="utf-8"))
+    spec = validated(NightSpec, data, lambda fault: _located(lines, fault, path.name))
     if output is not None:
         folder = folder_to_write(output, "--output")
     elif spec.output is not None:

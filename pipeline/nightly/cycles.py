@@ -1,10 +1,14 @@
 """The folders of a night: finished cycles, the unfinished cycle, and the link `latest`.
 
+A cycle's name is the reference time of its currents, `2026-11-21T00Z`. If the source has no
+reference time, the name is the last time step and a hash, `2026-11-24T18Z-1f0c5a7e`. A cycle that
+is planned again, because the request or the data have changed, is called `2026-11-21T00Z-r2`.
+
 The folder `OUTPUT/<cycle>.partial/` keeps the rows of each batch of cases as it ends, so that a
 night that was killed continues. When it is complete it is renamed to `OUTPUT/<cycle>/`; after that
 it is not changed. A second rename then replaces the link. If a job is killed between the two
-renames, the next job replaces the link. Damaged files, and anything in the link's place, are moved
-to `OUTPUT/damaged/`, never removed.
+renames, the next job replaces the link. Anything else in the link's place is moved to
+`OUTPUT/damaged/`, never removed.
 """
 
 import contextlib
@@ -12,29 +16,21 @@ import errno
 import json
 import os
 import pickle
+import re
 import secrets
 import shutil
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import groupby, pairwise
+from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, Self
 
-from pipeline.errors import MachineError
-from pipeline.machine.files import (
-    UNFINISHED,
-    file_lock,
-    flush,
-    flush_tree,
-    needed,
-    write_whole,
-)
+from pipeline.errors import MachineError, StageError
+from pipeline.machine.files import file_lock, flush, flush_tree, needed, write_whole
 from pipeline.machine.store import load_artefact, write_checked
-from pipeline.nightly.newest_currents import base_of, cycle_time, is_cycle, revision
-from pipeline.nightly.outcome import BusyError
 
 Row = dict[str, Any]
 """A case's or a route's values by the names of their columns."""
@@ -59,6 +55,45 @@ _REMEDIES = {
 LOCK = ".nightly.lock"
 # Time to wait for the lock, s: `renew nightly status` holds it for a moment, to test it.
 _WAIT_S = 0.3
+UNDATED = "undated"
+"""Begins the name of a cycle whose currents have no time."""
+# A cycle's name, the time in it, and the number of its revision.
+_NAME = re.compile(
+    r"((\d{4}-\d{2}-\d{2}T\d{2}(?:\d{2})?Z|undated)(?:-[0-9a-f]{8})?)(?:-r(\d{1,6}))?", re.ASCII
+)
+_HOUR = "%Y-%m-%dT%HZ"
+_MINUTE = "%Y-%m-%dT%H%MZ"
+
+
+class BusyError(StageError):
+    """Another job is running in the same output folder; exit code 4."""
+
+    exit_code = 4
+
+
+def dated_name(time: datetime) -> str:
+    """Return the name of the cycle on currents of a time."""
+    return time.strftime(_MINUTE if time.minute else _HOUR)
+
+
+def cycle_time(cycle: str) -> datetime | None:
+    """Return the time in a cycle's name, or None if the name has none."""
+    if (match := _NAME.fullmatch(cycle)) is not None:
+        for form in (_HOUR, _MINUTE):
+            with contextlib.suppress(ValueError):
+                return datetime.strptime(match[2], form).replace(tzinfo=UTC)
+    return None
+
+
+def base_of(cycle: str) -> str:
+    """Return a cycle's name without the number of its revision, `-r2`."""
+    match = _NAME.fullmatch(cycle)
+    return cycle if match is None else match[1]
+
+
+def is_cycle(name: str) -> bool:
+    """Whether a folder's name is a cycle's name."""
+    return _NAME.fullmatch(name) is not None
 
 
 @dataclass(frozen=True)
@@ -115,16 +150,9 @@ class Cycles:
 
     def partials(self) -> list[str]:
         """Return the names of unfinished cycles."""
-        return sorted(
-            path.name.removesuffix(PARTIAL)
-            for path in self._folders()
-            if path.name.endswith(PARTIAL) and is_cycle(path.name.removesuffix(PARTIAL))
-        )
-
-    def is_older(self, cycle: str, time: datetime | None) -> bool:
-        """Whether a time is before the time in a cycle's name."""
-        that = cycle_time(cycle)
-        return that is not None and time is not None and time < that
+        folders = sorted(path.name for path in self._folders())
+        names = [name.removesuffix(PARTIAL) for name in folders if name.endswith(PARTIAL)]
+        return [name for name in names if is_cycle(name)]
 
     def publish(self, cycle: str) -> None:
         """Rename a complete cycle's folder to its final name, and then point `latest` at it."""
@@ -136,25 +164,18 @@ class Cycles:
         self.point_at(cycle)
 
     def point_at(self, cycle: str) -> None:
-        """Point the link `latest` at a cycle, with a single rename."""
+        """Point the link `latest` at a cycle by one rename; move away what else is in its place."""
         with writing(self.output):
-            link = self.output / _LINK
-            if not (self.output / LATEST).is_symlink():
-                self.set_aside(self.output / LATEST)
+            link, latest = self.output / _LINK, self.output / LATEST
+            if os.path.lexists(latest) and not latest.is_symlink():
+                aside = self.output / DAMAGED
+                with contextlib.suppress(OSError):
+                    aside.mkdir(exist_ok=True)
+                    latest.rename(aside / f"{LATEST}-{secrets.token_hex(4)}")
             link.unlink(missing_ok=True)
             link.symlink_to(cycle, target_is_directory=True)
-            link.replace(self.output / LATEST)
+            link.replace(latest)
             flush(self.output)
-
-    def set_aside(self, path: Path) -> None:
-        """Move a damaged or obstructing path to `OUTPUT/damaged/`; ignore errors."""
-        if not os.path.lexists(path):
-            return
-        name = "-".join(path.relative_to(self.output).parts)
-        with contextlib.suppress(OSError):
-            aside = self.output / DAMAGED
-            aside.mkdir(exist_ok=True)
-            path.rename(aside / f"{name}-{secrets.token_hex(4)}")
 
     def remove_leftovers(self) -> None:
         """Remove the leftovers of a killed job: its temporary link, and half-removed cycles."""
@@ -214,15 +235,12 @@ class Partial:
             folder.mkdir(parents=True, exist_ok=True)
             known = _request(folder / _REQUEST)
             if known.get("request") != request:
-                for path in folder.iterdir():
-                    is_folder = path.is_dir() and not path.is_symlink()
-                    (shutil.rmtree if is_folder else Path.unlink)(path)
+                shutil.rmtree(folder)
+                folder.mkdir()
                 now = datetime.now(UTC).isoformat(timespec="seconds")
                 known = {"request": request, "started": now}
                 write_whole(folder / _REQUEST, json.dumps(known) + "\n")
             (folder / _PARTS).mkdir(exist_ok=True)
-            for path in (folder / _PARTS).glob(f".*{UNFINISHED}"):
-                path.unlink(missing_ok=True)
         partial = cls(folder, datetime.fromisoformat(known["started"]), {})
         for rows in rows_of_parts(folder):
             partial._take(rows)
@@ -233,8 +251,8 @@ class Partial:
         """A file that all workers must be able to read."""
         return self.folder / _REQUEST
 
-    def add(self, first: int, end: int, rows: list[Row]) -> None:
-        """Keep the rows of the cases from `first` to `end` - 1, in a part of their own.
+    def add(self, rows: list[Row]) -> None:
+        """Keep the rows of a batch of cases, in a part named by the first case.
 
         Raises
         ------
@@ -242,26 +260,12 @@ class Partial:
             The part can't be written.
         """
         with needed(f"can't write in {self.folder}", "free some space and run again"):
-            write_checked(self.folder / _PARTS / f"{first:06}-{end:06}.part", pickle.dumps(rows))
+            part = self.folder / _PARTS / f"{rows[0]['index']:06}.part"
+            write_checked(part, pickle.dumps(rows))
         self._take(rows)
 
-    def missing(self, first: int, end: int) -> list[tuple[int, int]]:
-        """Return the ranges of cases from `first` to `end` - 1 that have no rows yet."""
-        open_cases = [index for index in range(first, end) if index not in self.rows]
-        breaks = [at for at, (a, b) in enumerate(pairwise(open_cases), start=1) if b > a + 1]
-        return [
-            (open_cases[begin], open_cases[stop - 1] + 1)
-            for begin, stop in pairwise([0, *breaks, len(open_cases)])
-            if open_cases
-        ]
-
-    def forget_parts(self) -> None:
-        """Remove all parts, so that the next run plans all cases again."""
-        with contextlib.suppress(OSError):
-            shutil.rmtree(self.folder / _PARTS)
-
     def clear(self) -> None:
-        """Remove everything except the results."""
+        """Remove the request and all parts: what stays is a cycle's results, if it has any."""
         with writing(self.folder):
             shutil.rmtree(self.folder / _PARTS, ignore_errors=True)
             (self.folder / _REQUEST).unlink(missing_ok=True)
@@ -304,9 +308,9 @@ def writing(folder: Path) -> Iterator[None]:
 
 def _age(path: Path) -> tuple[float, int, str]:
     """Return a cycle's sort key: the time in its name or, without one, the time in its record."""
-    time = cycle_time(path.name)
-    if time is not None:
-        return time.timestamp(), revision(path.name), path.name
+    time, match = cycle_time(path.name), _NAME.fullmatch(path.name)
+    if time is not None and match is not None:
+        return time.timestamp(), int(match[3] or 1), path.name
     record = path / RECORD
     return (record if record.exists() else path).stat().st_mtime, 1, path.name
 

@@ -5,24 +5,32 @@ After an error, the link `latest` still points at the earlier cycle.
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from pipeline.errors import RequestError, StageError
 from pipeline.machine.files import file_lock
 from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinished
-from pipeline.nightly import outcome, records as results
-from pipeline.nightly.cases import Cases, expand, pairs_on_land, request_hash
+from pipeline.nightly import records
+from pipeline.nightly.cases import Block, all_cases, expand, pairs_on_land, request_hash
 from pipeline.nightly.config import NightConfig
-from pipeline.nightly.cycles import LATEST, Cycles, Partial, night_lock, writing
-from pipeline.nightly.forecasts import Forecasts
-from pipeline.nightly.newest_currents import Newest, base_of, newest_currents
-from pipeline.nightly.outcome import NightEvent, NightEventHandler, NightOutcome, NightStage
-from pipeline.nightly.voyages import VOYAGES_FILE, SailedVoyage, planned_again, write_voyages
+from pipeline.nightly.currents import ComeAgainError, Newest, keep_forecasts, newest_currents
+from pipeline.nightly.cycles import (
+    LATEST,
+    BusyError,
+    Cycles,
+    Partial,
+    Row,
+    base_of,
+    cycle_time,
+    night_lock,
+    writing,
+)
+from pipeline.nightly.voyages import VOYAGES_FILE, planned_again, write_voyages
 from pipeline.texts import clean
 
 if TYPE_CHECKING:
@@ -30,6 +38,50 @@ if TYPE_CHECKING:
 
 _ONLY = "only"
 _HOUR_S = 3600.0
+NightStage = Literal["look", "prepare", "plan", "publish", "check"]
+
+
+@dataclass(frozen=True, slots=True)
+class NightOutcome:
+    """How a night ended.
+
+    Attributes
+    ----------
+    cycle : name of the cycle that `latest` points at; "" if there is none.
+    started, finished : start and end of this run of the program, with time zone.
+    reference_time : reference time of the newest currents; None if they have no time.
+    exit_code : 0 if done or if there was nothing to do; 10 if published, but some case is "look" or
+        "act", or there are notes; other codes as the errors of `run_night`.
+    cases_by_outcome : number of cases with the outcomes "same", "look" and "act".
+    seconds_by_stage : wall time of each stage of this run, s.
+    fresh : whether this run made the cycle; False if there was nothing to do.
+    message : one line for a reader.
+    """
+
+    cycle: str
+    started: datetime
+    finished: datetime
+    reference_time: datetime | None
+    exit_code: int
+    cases_by_outcome: Mapping[str, int]
+    seconds_by_stage: Mapping[str, float]
+    fresh: bool = True
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class NightEvent:
+    """The begin, progress (`done` of `total` tasks or cases), end or note of a stage."""
+
+    stage: NightStage
+    status: Literal["begun", "working", "done", "failed", "note"]
+    detail: str = ""
+    done: int = 0
+    total: int = 0
+    seconds: float = 0.0
+
+
+NightEventHandler = Callable[[NightEvent], None]
 
 
 def run_night(
@@ -78,7 +130,7 @@ class _Night:
     """One run of the nightly job."""
 
     config: NightConfig
-    cases: Cases
+    blocks: list[Block]
     only: str | None
     scheduler: str | None
     handler: NightEventHandler
@@ -86,12 +138,14 @@ class _Night:
     seconds: dict[str, float] = field(default_factory=dict)
     newest: Newest = field(init=False)
     cycles: Cycles = field(init=False)
-    _look_back: results.LookBack = field(init=False)
+    _compared: str = ""
     _revises: str = ""
+    _damage: list[str] = field(default_factory=list)
     _current_stage: NightStage = "look"
 
     def __post_init__(self) -> None:
-        """Choose the folder of cycles, and compute the deadline."""
+        """List the cases, choose the folder of cycles, and compute the deadline."""
+        self.cases = list(all_cases(self.blocks))
         output = self.config.output
         if self.only is not None:
             output = output / _ONLY / self.only.strip("/").replace("/", "_")
@@ -101,27 +155,27 @@ class _Night:
     def run(self) -> NightOutcome:
         """Plan and publish the cycle, unless it is published already."""
         with self._stage("look"):
-            last_night = results.finished_at(self.cycles.folder(self.cycles.latest or LATEST))
-            self.newest = newest_currents(self.cases, self.started, last_night)
+            last_night = records.finished_at(self.cycles.folder(self.cycles.latest or LATEST))
+            self.newest = newest_currents(self.blocks, self.started, last_night)
             for reason in self.newest.ahead.values():
                 self._note(reason)
             if (settled := self._settled()) is not None:
                 return settled
-            if faults := pairs_on_land(self.config, self.cases):
+            if faults := pairs_on_land(self.config, self.blocks):
                 raise RequestError(faults)
             self._note(f"{len(self.cases):,} cases on the currents of {self.newest.cycle}")
         with self._alone():
             if (settled := self._settled() or self._named()) is not None:
                 return settled
             planning = self._planning()
-            if results.faults_of(planning.partial.folder):
+            if records.faults_of(planning.partial.folder):
                 self._plan(planning)
             return self._publish(planning)
 
     @cached_property
     def request(self) -> str:
         """Hash of the request; a cycle with another hash is planned again."""
-        return request_hash(self.config, self.cases)
+        return request_hash(self.config, self.blocks)
 
     # --- before there is anything to do ---
 
@@ -141,13 +195,14 @@ class _Night:
             if newest.time is None and not newest.is_timeless:
                 stale = "the currents have no date"
             if stale:
-                raise outcome.ComeAgainError(
+                raise ComeAgainError(
                     f"nothing new: the last night used these currents, of {latest}, and {stale}; "
                     "come again later, and check that newer currents are still published"
                 )
             return self._outcome_of(latest, "nothing to do: the last night used these currents")
-        if self.cycles.is_older(latest, newest.time):
-            raise outcome.ComeAgainError(
+        time_of_latest = cycle_time(latest)
+        if time_of_latest and newest.time and newest.time < time_of_latest:
+            raise ComeAgainError(
                 f"the currents of {newest.cycle} are older than those of the last cycle, {latest}; "
                 f"come again later or, if {latest} is dated wrongly, move "
                 f"{self.cycles.folder(latest)} away and run again"
@@ -156,7 +211,7 @@ class _Night:
 
     def _reason_to_revise(self, cycle: str) -> str:
         """Return why a finished cycle on these currents must be planned again, or ""."""
-        return results.reason_to_revise(self.cycles.folder(cycle), self.request, self.newest.digest)
+        return records.reason_to_revise(self.cycles.folder(cycle), self.request, self.newest.digest)
 
     def _named(self) -> NightOutcome | None:
         """Publish this cycle if a killed job finished it without changing `latest`; else None."""
@@ -180,9 +235,7 @@ class _Night:
                     file_lock(store / "store.lock", shared=True, wait_s=60.0)
                 )
             if not shares:
-                raise outcome.BusyError(
-                    f"another program is cleaning {store}: wait until it has ended"
-                )
+                raise BusyError(f"another program is cleaning {store}: wait until it has ended")
             self.cycles.remove_leftovers()
             remove_unfinished(store, "nightly")
             yield
@@ -197,18 +250,17 @@ class _Night:
             self._revises = self._reason_to_revise(latest)
             self._note(f"planned anew: {self._revises}")
         self.newest = replace(self.newest, cycle=self.cycles.free_name(self.newest.cycle))
-        self._look_back = results.look_back(self.cycles)
-        for note in self._look_back.notes:
+        self._compared, self._damage = records.readable_cycle(self.cycles)
+        for note in self._damage:
             self._note(note)
-        compared = self._look_back.cycle
         partial = Partial.opened(
             self.cycles.partial(self.newest.cycle),
-            f"{own_identity()} {self.request} {self.newest.digest} {compared}",
+            f"{own_identity()} {self.request} {self.newest.digest} {self._compared}",
         )
         earlier = {}
-        if compared:
-            cases_path = self.cycles.folder(compared) / results.CASES_FILE
-            earlier = results.earlier_routes(compared, cases_path)
+        if self._compared:
+            cases_path = self.cycles.folder(self._compared) / records.CASES_FILE
+            earlier = records.earlier_routes(self._compared, cases_path)
         return Planning(
             self.cases,
             self.newest,
@@ -217,7 +269,7 @@ class _Night:
             earlier,
             self.config.spec.look_percent,
             self.newest.stale_reason(partial.started, self.config.spec.stale_hours),
-            Forecasts(self.config.output),
+            self.config.output,
             self._progress,
             self._check_time,
         )
@@ -228,7 +280,7 @@ class _Night:
         """Prepare charts and currents, and plan the cases that have no rows yet."""
         from pipeline.nightly.planning import night_workers
 
-        if not planning.partial.missing(0, len(self.cases)):
+        if len(planning.partial.rows) == len(self.cases):
             return
         with night_workers(
             self.scheduler,
@@ -237,7 +289,9 @@ class _Night:
             shared=planning.partial.request_file,
         ) as workers:
             with self._stage("prepare"):
-                planning.forecasts.keep(self.cases, self.newest, prune=self.only is None)
+                keep_forecasts(
+                    self.config.output, self.blocks, self.newest, prune=self.only is None
+                )
                 planning.prepare(workers)
             with self._stage("plan"):
                 planning.plan(workers)
@@ -247,22 +301,26 @@ class _Night:
         from pipeline.nightly.publishing import RESULTS, check_files, write_files
 
         partial = planning.partial
-        if results.faults_of(partial.folder):
+        if records.faults_of(partial.folder):
+            history = None
+            if self._compared:
+                history = self.cycles.folder(self._compared) / records.HISTORY_FILE
             with self._stage("publish"):
                 voyages = self._voyages(partial.folder)
-                warnings = tuple(one.sentence for one in voyages if one.outcome != outcome.SAME)
-                notes = (*filter(None, [self._revises]), *warnings, *self._look_back.notes)
-                counted = write_files(partial.folder, planning, self._look_back, notes)
+                warnings = [_sentence(row) for row in voyages if row["outcome"] != records.SAME]
+                warnings += self._damage
+                notes = [*filter(None, [self._revises]), *warnings]
+                counted = write_files(partial.folder, planning, history, notes)
             with self._stage("check"):
                 check_files(partial.folder, len(self.cases))
-            results.write_record(
+            records.write_record(
                 partial.folder,
                 (*RESULTS, *([VOYAGES_FILE] if voyages else ())),
                 {
                     "cycle": self.newest.cycle,
                     "revises": self._revises or None,
                     "reference_time": self.newest.time and self.newest.time.isoformat(),
-                    "earlier_cycle": self._look_back.cycle or None,
+                    "earlier_cycle": self._compared or None,
                     "request": self.request,
                     "currents": self.newest.digest,
                     "cases": len(self.cases),
@@ -270,55 +328,43 @@ class _Night:
                     "begun": partial.started.isoformat(timespec="seconds"),
                     "seconds_by_stage": {k: round(s, 3) for k, s in self.seconds.items()},
                 },
-                (*warnings, *self._look_back.notes),
+                warnings,
             )
         partial.clear()
         self.cycles.publish(self.newest.cycle)
         self.cycles.prune(self.config.spec.keep)
-        self._prune_store(planning.store)
+        with contextlib.suppress(OSError):
+            # Everything that this night used stays.
+            since = self.started.timestamp()
+            prune(planning.store.root, max_bytes=MAX_STORE_BYTES, keep_since=since)
         return self._outcome_of(self.newest.cycle, "", fresh=True)
 
-    def _voyages(self, folder: Path) -> list[SailedVoyage]:
+    def _voyages(self, folder: Path) -> list[Row]:
         """Plan the voyages again that are under way, and write their table."""
-        found = list[SailedVoyage]()
+        rows = list[Row]()
         for spec in self.config.spec.voyages if self.only is None else ():
             self._check_time()
-            found.append(planned_again(self.config, spec))
-            self._note(found[-1].sentence)
-        if found:
-            write_voyages(found, folder / VOYAGES_FILE)
-        return found
-
-    def _prune_store(self, store: Store) -> None:
-        """Prune the store if it is too large, except everything that this night used."""
-        with contextlib.suppress(OSError):
-            since = self.started.timestamp()
-            prune(store.root, max_bytes=MAX_STORE_BYTES, keep_since=since)
+            rows.append(planned_again(self.config, spec))
+            self._note(_sentence(rows[-1]))
+        if rows:
+            write_voyages(rows, folder / VOYAGES_FILE)
+        return rows
 
     # --- outcome and events ---
 
     def _outcome_of(self, cycle: str, message: str, *, fresh: bool = False) -> NightOutcome:
         """Return the outcome in a finished cycle's record; exit code 0 unless it is `fresh`."""
-        record = results.record_of(self.cycles.folder(cycle))
-        counts = {name: int(record["cases_by_outcome"][name]) for name in outcome.OUTCOMES}
-        code = int(record["exit_code"]) if fresh else outcome.DONE
-        text = message or results.summary(record)
-        return self._outcome(cycle, code, counts, text, fresh=fresh)
-
-    def _outcome(
-        self, cycle: str, code: int, counts: dict[str, int], message: str, *, fresh: bool
-    ) -> NightOutcome:
-        """Return the outcome of this run."""
+        record = records.record_of(self.cycles.folder(cycle))
         return NightOutcome(
             cycle,
             self.started,
             datetime.now(UTC),
             self.newest.time,
-            code,
-            counts,
+            int(record["exit_code"]) if fresh else records.DONE,
+            {name: int(record["cases_by_outcome"][name]) for name in records.OUTCOMES},
             dict(self.seconds),
             fresh,
-            message,
+            message or records.summary(record),
         )
 
     @contextlib.contextmanager
@@ -355,3 +401,8 @@ class _Night:
                 f"the limit of {self.config.spec.limit_hours:g} h is reached; nothing is "
                 "published, and the parts that are done are kept: run again to continue"
             )
+
+
+def _sentence(voyage: Row) -> str:
+    """Return what planning a voyage again has answered."""
+    return f"voyage {voyage['voyage']}: {voyage['reason']}"

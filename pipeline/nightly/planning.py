@@ -1,13 +1,13 @@
 """Prepare the charts and currents of a night, and then plan its cases in batches.
 
 Batches last about 40 seconds; one that kills its worker is halved. The duration of a case is
-measured on the first batch of its chart. Results do not depend on how the cases are cut.
+measured on the batches of its chart. Results do not depend on how the cases are cut.
 """
 
 import contextlib
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -19,14 +19,18 @@ from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.machine.workers import LocalWorkers
 from pipeline.nightly import worker
-from pipeline.nightly.cases import Cases, NightCase
-from pipeline.nightly.charts import STAGE, ChartTask, CurrentTask, chart_key
+from pipeline.nightly.cases import NightCase
+from pipeline.nightly.currents import ComeAgainError, Newest, kept_forecasts, named_currents
 from pipeline.nightly.cycles import Partial, Row
-from pipeline.nightly.forecasts import Forecasts
-from pipeline.nightly.newest_currents import Newest, named_currents
-from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.records import EarlierRoute
-from pipeline.nightly.worker import NightCaseTask, PlanBatch
+from pipeline.nightly.worker import (
+    STAGE,
+    ChartTask,
+    CurrentTask,
+    NightCaseTask,
+    PlanBatch,
+    chart_key,
+)
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import CYCLES, Currents, Season
 from pipeline.scenario.strict import Point
@@ -56,7 +60,7 @@ _DIED = (
 
 @dataclass
 class Preparation:
-    """Charts or currents to make, as the fleet's `Work`; `failures` are keyed by path."""
+    """Charts or currents to make, as `Work` of the workers; `failures` are keyed by path."""
 
     tasks: Iterable[ChartTask | CurrentTask]
     on_done: Callable[[], None]
@@ -102,22 +106,22 @@ class Planning:
     """Prepares the charts and currents of a night's cases, and plans the cases in batches.
 
     `earlier` has yesterday's routes by the case; `look_percent` and `stale` are those of
-    `PlanBatch`. `on_progress` is called with the numbers of tasks or cases that are done, and of
-    all; `check` is called regularly and may end the night.
+    `PlanBatch`. The folder `output` has the forecasts of earlier nights. `on_progress` is called
+    with the numbers of tasks or cases that are done, and of all; `check` is called regularly and
+    may end the night.
     """
 
-    cases: Cases
+    cases: Sequence[NightCase]
     newest: Newest
     store: Store
     partial: Partial
     earlier: dict[str, EarlierRoute]
     look_percent: float
     stale: str
-    forecasts: Forecasts
+    output: Path
     on_progress: Callable[[int, int], None]
     check: Callable[[], None]
     failures: dict[Path, str] = field(default_factory=dict)
-    batches_s: float = 0.0
     _chart_paths: dict[tuple[int, str], Path] = field(default_factory=dict)
     _current_paths: dict[tuple[Path, object], Path] = field(default_factory=dict)
 
@@ -131,20 +135,15 @@ class Planning:
         StageError
             No current could be prepared, for other reasons than its data.
         """
-        examples = [self.cases[first] for first, _ in self.cases.chart_ranges()]
+        of_charts = {self.chart_path(case): case for case in reversed(self.cases)}
+        of_currents = {self.current_path(case): case for case in reversed(self.cases)}
         charts = [
-            ChartTask(_scenario(one), _ends(one), self.store.root, self.chart_path(one))
-            for one in examples
+            ChartTask(_scenario(case), _ends(case), self.store.root, path)
+            for path, case in of_charts.items()
         ]
         currents = [
-            CurrentTask(
-                one.name,
-                self.season(one),
-                self.chart_path(one),
-                self.store.root,
-                self.current_path(one),
-            )
-            for one in self._current_examples()
+            CurrentTask(self.season(case), self.chart_path(case), self.store.root, path)
+            for path, case in of_currents.items()
         ]
         total, done = len(charts) + len(currents), 0
 
@@ -154,39 +153,44 @@ class Planning:
             self.on_progress(done, total)
 
         def make(tasks: Iterable[ChartTask | CurrentTask]) -> None:
-            missing = [one for one in tasks if read_checked(one.path) is None]
+            missing = [task for task in tasks if read_checked(task.path) is None]
             workers.run(Preparation(missing, progress, self.failures), self.check)
 
         make(charts)
         self.failures |= {
-            self.current_path(case): "; ".join(
-                self.newest.ahead[one] for one in named_currents(case.season, case.member)
+            path: "; ".join(
+                self.newest.ahead[source] for source in named_currents(case.season, case.member)
             )
-            for case in self._current_examples()
+            for path, case in of_currents.items()
             if not case.block.scenario.is_planar and not self._usable_currents(case)
         }
         failed = self.failures.keys()
-        make(one for one in currents if not {one.path, one.chart_path} & failed)
-        if currents and all(one.path in self.failures for one in currents):
-            reasons = "; ".join(dict.fromkeys(self.failures[one.path] for one in currents))
+        make(task for task in currents if not {task.path, task.chart_path} & failed)
+        if currents and all(path in self.failures for path in of_currents):
+            reasons = "; ".join(dict.fromkeys(self.failures[path] for path in of_currents))
             if _BROKEN in reasons:
                 raise StageError(f"no current could be prepared: {reasons}")
             raise ComeAgainError(f"no currents are there yet: {reasons}")
 
     def plan(self, workers: Fleet | LocalWorkers) -> None:
         """Plan the cases that have no rows yet."""
-        charts = [self.partial.missing(first, end) for first, end in self.cases.chart_ranges()]
-        total = sum(end - first for ranges in charts for first, end in ranges)
+        waiting = [case for case in self.cases if case.index not in self.partial.rows]
+        charts: dict[Path, list[NightCase]] = {}
+        for case in waiting:
+            charts.setdefault(self.chart_path(case), []).append(case)
         done = 0
 
-        def keep(batch: PlanBatch, rows: list[Row], seconds: float) -> None:
+        def keep(rows: list[Row]) -> None:
             nonlocal done
-            self.partial.add(batch.first, batch.end, rows)
-            done += batch.end - batch.first
-            self.batches_s += seconds
-            self.on_progress(done, total)
+            self.partial.add(rows)
+            done += sum(not row["rank"] for row in rows)
+            self.on_progress(done, len(waiting))
 
-        workers.run(BatchWork(charts, self._batch, self._keep_broken, keep), self.check)
+        def keep_broken(task: NightCaseTask) -> None:
+            reason = f"broken: {_DIED}, twice"
+            keep([worker.failed_row(task, reason, self.stale, status=worker.BROKEN)])
+
+        workers.run(BatchWork(charts, self._batch, keep_broken, keep), self.check)
 
     def chart_path(self, case: NightCase) -> Path:
         """Return the path of a case's chart."""
@@ -213,7 +217,7 @@ class Planning:
             update["currents"] = self._usable_currents(case)
         members = case.season.members
         if members is not None and members.are_kept:
-            kept = self.forecasts.members(case.season, self._usable_currents(case))
+            kept = kept_forecasts(self.output, case.season, self._usable_currents(case))
             along = members.model_copy(update={"along": CYCLES})
             update |= {"currents": kept, "members": along} if kept else {"members": None}
         leaves = self.leaves(case)
@@ -238,18 +242,8 @@ class Planning:
         named = named_currents(case.season, case.member)
         return tuple(one for one in named if one not in self.newest.ahead)
 
-    def _current_examples(self) -> list[NightCase]:
-        """Return one case for each current of each chart."""
-        found: dict[Path, NightCase] = {}
-        for first, end in self.cases.chart_ranges():
-            pairs = len(self.cases[first].block.pairs)
-            for index in range(first, end, pairs):
-                found.setdefault(self.current_path(self.cases[index]), self.cases[index])
-        return list(found.values())
-
-    def _batch(self, first: int, end: int) -> PlanBatch:
-        """Return the batch of a range of cases."""
-        cases = [self.cases[index] for index in range(first, end)]
+    def _batch(self, cases: Sequence[NightCase]) -> PlanBatch:
+        """Return a batch of cases on one chart."""
         tasks = tuple(map(self._case_task, cases))
         return PlanBatch(tasks, self.chart_path(cases[0]), self.look_percent, self.stale)
 
@@ -267,14 +261,6 @@ class Planning:
             self.earlier.get(case.name),
             failure=self.failures.get(chart) or self.failures.get(current) or "",
         )
-
-    def _keep_broken(self, index: int) -> None:
-        """Keep the row of a case that killed its workers."""
-        task = self._case_task(self.cases[index])
-        reason = f"broken: {_DIED}, twice"
-        row = worker.failed_row(task, reason, self.stale, status=worker.BROKEN)
-        self.partial.add(index, index + 1, [row])
-        self.on_progress(0, 0)
 
 
 def _scenario(case: NightCase) -> Scenario:
@@ -302,76 +288,64 @@ def _longest(case: NightCase) -> Scenario:
 
 
 @dataclass
-class _Waiting:
-    """Waiting cases of one chart as ranges, and the seconds per case (None: not known yet)."""
-
-    ranges: deque[tuple[int, int]]
-    seconds: float | None = None
-
-    @property
-    def count(self) -> int:
-        """Number of waiting cases."""
-        return sum(end - first for first, end in self.ranges)
-
-
-@dataclass
 class BatchWork:
-    """The batches of a night, as the fleet's `Work`.
+    """The batches of a night, as `Work` of the workers.
 
     Parameters
     ----------
     charts
-        The ranges of cases to plan on each chart.
+        The cases to plan on each chart, by its path.
     batch
-        Returns the batch of a range of cases.
+        Returns the batch of some cases.
     on_broken
-        Called with the index of a case that has killed _DEATHS workers.
+        Called with a case that has killed _DEATHS workers.
     on_done
-        Called with each batch, its rows, and its duration, s.
+        Called with the rows of each batch.
     """
 
-    charts: Sequence[Sequence[tuple[int, int]]]
-    batch: Callable[[int, int], PlanBatch]
-    on_broken: Callable[[int], None]
-    on_done: Callable[[PlanBatch, list[Row], float], None]
-    _waiting: list[_Waiting] = field(init=False)
-    _deaths: dict[int, int] = field(default_factory=dict)
+    charts: Mapping[Path, Iterable[NightCase]]
+    batch: Callable[[Sequence[NightCase]], PlanBatch]
+    on_broken: Callable[[NightCaseTask], None]
+    on_done: Callable[[list[Row]], None]
+    # Seconds per case on a chart, once a batch on it has ended.
+    _seconds: dict[Path, float] = field(default_factory=dict)
+    _deaths: Counter[int] = field(default_factory=Counter)
     # Halves of batches whose worker died.
-    _suspects: deque[tuple[int, int]] = field(default_factory=deque)
+    _suspects: deque[PlanBatch] = field(default_factory=deque)
 
     def __post_init__(self) -> None:
         """Queue all cases."""
-        self._waiting = [_Waiting(deque(ranges)) for ranges in self.charts]
+        self._waiting = {path: deque(cases) for path, cases in self.charts.items()}
 
     def next_task(self, workers: int) -> PlanBatch | None:
         """Return the next batch; halves of a batch that killed its worker come first."""
         if self._suspects:
-            return self.batch(*self._suspects.popleft())
-        for waiting in self._waiting:
-            if waiting.ranges:
-                return self.batch(*_cut(waiting, workers))
+            return self._suspects.popleft()
+        for path, waiting in self._waiting.items():
+            if waiting:
+                count = _batch_size(len(waiting), self._seconds.get(path), workers)
+                return self.batch([waiting.popleft() for _ in range(count)])
         return None
 
-    def done(self, task: PlanBatch, result: tuple[list[Row], float]) -> None:
-        """Update the seconds per case from a finished batch, and report the batch."""
-        rows, seconds = result
-        for waiting, ranges in zip(self._waiting, self.charts, strict=True):
-            if any(first <= task.first < end for first, end in ranges):
-                waiting.seconds = seconds / (task.end - task.first)
-        self.on_done(task, rows, seconds)
+    def done(self, task: PlanBatch, result: list[Row]) -> None:
+        """Update the seconds per case from a finished batch, and keep its rows."""
+        seconds = sum(row["seconds"] for row in result if "seconds" in row)
+        self._seconds[task.chart_path] = seconds / len(task.cases)
+        self.on_done(result)
 
     def died(self, task: PlanBatch, reason: str) -> None:
         """Halve a batch; a single case is tried once more, and then recorded as broken."""
         del reason  # the row says what it may have been
-        if task.end - task.first > 1:
-            middle = (task.first + task.end) // 2
-            self._suspects.extend([(task.first, middle), (middle, task.end)])
+        if (count := len(task.cases)) > 1:
+            halves = task.cases[: count // 2], task.cases[count // 2 :]
+            self._suspects.extend(replace(task, cases=half) for half in halves)
             return
-        self._deaths[task.first] = self._deaths.get(task.first, 0) + 1
-        if self._deaths[task.first] < _DEATHS:
-            self._suspects.append((task.first, task.end))
+        (case,) = task.cases
+        self._deaths[case.index] += 1
+        if self._deaths[case.index] < _DEATHS:
+            self._suspects.append(task)
         else:
-            self.on_broken(task.first)
+            self.on_broken(case)
 
     def failed(self, task: PlanBatch, error: Exception) -> None:
         """End the night: a batch fails for reasons such as a full disk, not because of a case."""
@@ -379,17 +353,16 @@ class BatchWork:
         raise error
 
 
-def _cut(waiting: _Waiting, workers: int) -> tuple[int, int]:
-    """Remove a range of cases for the next batch from the waiting ones."""
-    count = _FIRST_CASES
-    if waiting.seconds is not None:
-        share_s = _SHARE * waiting.count * waiting.seconds / max(workers, 1)
-        count = max(1, round(max(_LEAST_S, min(_TARGET_S, share_s)) / max(waiting.seconds, 1e-6)))
-    first, end = waiting.ranges.popleft()
-    middle = min(end, first + count)
-    if middle < end:
-        waiting.ranges.appendleft((middle, end))
-    return first, middle
+def _batch_size(waiting: int, seconds: float | None, workers: int) -> int:
+    """Return the number of cases in the next batch of those that wait on a chart.
+
+    `seconds` is the duration of a case; None if it is not known yet.
+    """
+    if seconds is None:
+        return _FIRST_CASES
+    share_s = _SHARE * waiting * seconds / max(workers, 1)
+    aim_s = max(_LEAST_S, min(_TARGET_S, share_s))
+    return min(waiting, max(1, round(aim_s / max(seconds, 1e-6))))
 
 
 @contextlib.contextmanager

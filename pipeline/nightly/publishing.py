@@ -1,59 +1,291 @@
-"""Write the files of a cycle, and check that they are complete; its page `index.html`."""
+"""Write the files of a cycle, its tables and its page, and check that they are complete."""
 
+import csv
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.findings import text
+from pipeline.findings import columns, text
 from pipeline.findings.ensembles import flips_text
+from pipeline.formats.gis import frames
 from pipeline.formats.palette import style_colours
 from pipeline.geo.lonlat import bounds_of
 from pipeline.machine.store import load_artefact
-from pipeline.nightly import records, tables
-from pipeline.nightly.charts import NightChart
+from pipeline.nightly.cases import NONE
+from pipeline.nightly.currents import Newest
 from pipeline.nightly.cycles import Partial, Row, writing
-from pipeline.nightly.newest_currents import Newest
-from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME
 from pipeline.nightly.planning import Planning
-from pipeline.nightly.records import EarlierRoute
-from pipeline.nightly.worker import PLANNED
-from pipeline.texts import clean
+from pipeline.nightly.records import (
+    ACT,
+    CASES_FILE,
+    HISTORY_FILE,
+    LOOK,
+    OUTCOMES,
+    SAME,
+    EarlierRoute,
+)
+from pipeline.nightly.worker import PLANNED, NightChart
+from pipeline.texts import cell, clean
+
+# --- tables and the map layer ---
+
+
+_TIME = pa.timestamp("ms", tz="UTC")
+_STRING = pa.string()
+_NUMBER = pa.float64()
+_COUNT = pa.int64()
+
+
+def _fields(kind: pa.DataType, names: str) -> list[tuple[str, pa.DataType]]:
+    """Return columns of one type."""
+    return [(name, kind) for name in names.split()]
+
+
+# Columns of both kinds of rows, cases and routes.
+_SHARED = [
+    ("index", _COUNT),
+    *_fields(_STRING, "case scenario season pair departure vessel member"),
+]
+_TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT}
+_ROUTE = [
+    *((name, _TYPES[columns.COLUMNS[name].type]) for name in columns.figure_columns("night")),
+    ("arrival", _TIME),
+    ("geometry", pa.binary()),
+]
+_CASE = [
+    *_fields(_STRING, "status reason outcome why"),
+    ("leaves", _TIME),
+    *_fields(_STRING, "currents source stand_in"),
+    *_fields(_COUNT, "routes rejected"),
+    *_fields(_STRING, "earlier_cycle earlier_side earlier_class"),
+    ("earlier_arrival", _TIME),
+    ("keep_fuel", _NUMBER),
+    ("keep_arrival", _TIME),
+    *_fields(_NUMBER, "saving_percent apart_m members_waiting_saves members_gap"),
+    *_fields(_COUNT, "members_count members_flips"),
+    *_fields(_STRING, "members_sides members_left_out"),
+]
+CASE_SCHEMA = pa.schema([*_SHARED, *_CASE, *_ROUTE])
+"""Columns of `cases.parquet`: a case, its best route, and what changed."""
+ROUTE_SCHEMA = pa.schema([*_SHARED, ("rank", _COUNT), *_ROUTE])
+"""Columns of `routes.parquet`."""
+ROUTES_FILE = "routes.parquet"
+# https://geoparquet.org/releases/v1.1.0/; without a crs, coordinates are lon/lat (OGC:CRS84).
+_GEO = {
+    "version": "1.1.0",
+    "primary_column": "geometry",
+    "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["LineString"]}},
+}
+HISTORY_SCHEMA = pa.schema(
+    [
+        ("cycle", _STRING),
+        ("reference_time", _TIME),
+        *_fields(_STRING, "case status outcome side class"),
+        ("fuel", _NUMBER),
+        ("arrival", _TIME),
+        ("saving_percent", _NUMBER),
+    ]
+)
+"""Columns of `history.parquet`: a row for each case of each cycle."""
+CHANGES_FILE = "changes.csv"
+# fmt: off
+CHANGES_COLUMNS = (
+    "case", "outcome", "why", "earlier_cycle", "earlier_side", "side", "earlier_class", "class",
+    "earlier_arrival", "keep_arrival", "arrival", "keep_fuel", "fuel", "saving_percent", "apart_m",
+    "members_count", "members_flips", "members_sides", "members_mean_fuel", "members_p90_fuel",
+    "members_cvar90_fuel", "members_regret", "members_waiting_saves", "members_gap",
+    "status", "reason",
+)
+# fmt: on
+"""Columns; `earlier_` is yesterday's route, `keep_` the same route in tonight's current."""
+GEOPACKAGE_FILE = "routes.gpkg"
+LAYER = frames.Layer(
+    "routes",
+    title="Routes of the night",
+    description="The best route of each case (rank 1), and its best route on each other side; "
+    "routes.parquet has all routes",
+    geometry_type="LineString",
+)
+_LAYER_TEXTS = (*(name for name, _ in _SHARED if name != "index"), "side", "class")
+# Figures of a route in the layer: those of the layer of a run.
+_FIGURES = tuple(
+    name
+    for name in columns.figure_columns("layer")
+    if name in columns.figure_columns("night") and columns.COLUMNS[name].type == "number"
+)
+# Date of the layer if the currents have none.
+_NO_DATE = "1970-01-01T00:00:00.000Z"
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Write a table as GeoParquet."""
+    table = table.replace_schema_metadata({b"geo": json.dumps(_GEO).encode()})
+    pq.write_table(table, path, compression="zstd")
+
+
+def write_history(earlier: Path | None, tonight: Iterable[Row], path: Path, newest: Newest) -> None:
+    """Write the earlier history, if there is one, and tonight's cases."""
+    cycle = {"cycle": newest.cycle, "reference_time": newest.time}
+    with path.open("wb") as file, pq.ParquetWriter(file, HISTORY_SCHEMA, compression="zstd") as new:
+        if earlier is not None:
+            for batch in pq.ParquetFile(earlier).iter_batches():
+                new.write_batch(batch)
+        new.write_table(pa.Table.from_pylist([row | cycle for row in tonight], HISTORY_SCHEMA))
+
+
+def write_changes(cases: Iterable[Row], path: Path) -> None:
+    """Write the changes of a cycle; without an earlier cycle, only the header."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(CHANGES_COLUMNS)
+        for row in cases:
+            if row["earlier_cycle"]:
+                writer.writerow([_spelled(row[column]) for column in CHANGES_COLUMNS])
+
+
+def _spelled(value: object) -> object:
+    """Return a CSV value: times in ISO 8601, floats with nine digits, None as ""."""
+    if isinstance(value, datetime):
+        return value.strftime("%Y-%m-%dT%H:%M:%SZ")
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    return "" if value is None else cell(value)
+
+
+def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | None) -> None:
+    """Write the layer from a cycle's routes; its date is the currents' reference time.
+
+    Raises
+    ------
+    OSError
+        The file can't be written, or is incomplete afterwards.
+    """
+    path.unlink(missing_ok=True)
+    # The best route of each case on each side comes first.
+    best = {(row["index"], row["side"]): row for row in reversed(list(routes))}
+    shown = sorted(best.values(), key=lambda row: (row["index"], row["rank"]))
+    with frames.system_errors(path):
+        frames.write_layer(path, _frame(shown), LAYER)
+        with frames.opened(path) as database:
+            stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
+            database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
+            frames.check_count(database, LAYER.name, len(shown))
+
+
+def _frame(routes: list[Row]) -> frames.GeoDataFrame:
+    """Return rows as a GeoDataFrame in lon/lat."""
+    import geopandas
+
+    # Without a zone: a GIS converts times with a zone to local time, and shows others unchanged.
+    arrivals = [row["arrival"] and row["arrival"].replace(tzinfo=None) for row in routes]
+    return (
+        geopandas.GeoDataFrame(
+            routes,
+            columns=[*_LAYER_TEXTS, "rank", *_FIGURES],
+            geometry=geopandas.GeoSeries.from_wkb([row["geometry"] for row in routes]),
+            crs="EPSG:4326",
+        )
+        .assign(arrival=np.array(arrivals, dtype="datetime64[ms]"))
+        .astype({"rank": "int32", **dict.fromkeys(_FIGURES, float)})
+    )
+
+
+# --- the page ---
+
 
 PAGE_FILE = "index.html"
 # Largest number of cases in the table.
 _MAX_ROWS = 200
 # Largest number of routes on a map.
 _MAX_LINES = 40
+# Width of a map's frame; its height is at most 1.4 times as large.
+_WIDTH = 480.0
+# Tolerance to which lines of a map are simplified, in units of its frame.
+_TOLERANCE = 0.4
+# Least area of an island on a map, in square units of its frame: smaller ones can't be seen.
+_LEAST_AREA = 0.6
 
 
 @dataclass
 class ChartMap:
-    """A map of one chart, and the counts and currents of its cases.
+    """A map of one chart in a frame of `width` x `height`: land, routes, counts and currents.
 
-    Each of the `lines` is a route: its SVG path, its case and outcome, and whether it is
-    yesterday's.
+    `land` is an SVG path; `west` and `north` are the frame's planar origin, in metres. Each of the
+    `lines` is a route: its SVG path, its case and outcome, and whether it is yesterday's.
     """
 
     title: str
-    width: float
-    height: float
-    land: str
+    width: float = _WIDTH
+    height: float = 1.0
+    west: float = 0.0
+    north: float = 0.0
+    per_metre: float = 1.0
+    land: str = ""
     lines: list[Row] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
     currents: dict[str, None] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, row: Row, chart: NightChart | None) -> Self:
+        """Draw the land of a case's chart, without details that are too small to see."""
+        vessel = "" if row["vessel"] == NONE else f", {row['vessel']}"
+        if chart is None:
+            return cls(f"{row['scenario']}{vessel}")
+        xmin, ymin, xmax, ymax = chart.water.chart.bounds
+        per_metre = _WIDTH / max(xmax - xmin, (ymax - ymin) / 1.4)
+        drawn = cls(
+            f"{chart.scenario.title or chart.scenario.name}{vessel}",
+            (xmax - xmin) * per_metre,
+            (ymax - ymin) * per_metre,
+            xmin,
+            ymax,
+            per_metre,
+        )
+        land = np.array(chart.water.chart.no_go, dtype=object)
+        rings = [
+            shapely.get_coordinates(ring)
+            for polygon in shapely.simplify(land, _TOLERANCE / per_metre)
+            if polygon.area * per_metre**2 >= _LEAST_AREA
+            for part in shapely.get_parts(polygon)
+            for ring in (part.exterior, *part.interiors)
+        ]
+        drawn.land = "".join(f"{drawn.path(ring)}Z" for ring in rings)
+        return drawn
+
+    def path(self, xy: FloatArray) -> str:
+        """Return points (n, 2), planar metres, as an SVG path."""
+        simple = shapely.get_coordinates(
+            shapely.simplify(shapely.LineString(xy), _TOLERANCE / self.per_metre)
+        )
+        x = (simple[:, 0] - self.west) * self.per_metre
+        y = (self.north - simple[:, 1]) * self.per_metre
+        points = [f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True)]
+        return f"M{'L'.join(points)}"
+
+    def add(self, row: Row, chart: NightChart, earlier: EarlierRoute | None) -> None:
+        """Add a case's best route and, if given, yesterday's."""
+        paths = [] if earlier is None else [(earlier.path, True)]
+        if row["geometry"] is not None:
+            paths.insert(0, (shapely.get_coordinates(shapely.from_wkb(row["geometry"])), False))
+        for lonlat, is_earlier in paths:
+            line = {"case": row["case"], "outcome": row["outcome"], "is_earlier": is_earlier}
+            line["path"] = self.path(chart.water.projection.to_plane(lonlat))
+            self.lines.append(line)
 
     @property
     def drawn(self) -> list[Row]:
@@ -98,18 +330,15 @@ def page_text(
         if row["members_count"] and len(in_members) < _MAX_ROWS:
             in_members.append(_over_members(row))
         key = row["scenario"], row["vessel"]
+        chart = chart_of(row["index"])
         if key not in maps:
-            maps[key] = _map(row, chart_of(row["index"]))
+            maps[key] = ChartMap.of(row, chart)
         chart_map = maps[key]
         chart_map.counts[outcome] += 1
         if row["source"] and len(chart_map.currents) < 4:
             chart_map.currents[f"{row['source']}, {row['currents']}"] = None
-        if len(chart_map.lines) < _MAX_LINES and chart_map.land is not None:
-            chart = chart_of(row["index"])
-            if chart is not None:
-                _add_lines(
-                    chart_map, row, chart, earlier.get(row["case"]) if outcome != SAME else None
-                )
+        if len(chart_map.lines) < _MAX_LINES and chart is not None:
+            chart_map.add(row, chart, earlier.get(row["case"]) if outcome != SAME else None)
     shown = [*rows[ACT], *rows[LOOK]][:_MAX_ROWS]
     loaded = text.environment("pipeline.nightly", "pipeline.formats.report")
     loaded.filters.update({"number": text.number, "distance": text.distance})
@@ -151,27 +380,7 @@ def _over_members(row: Row) -> Row:
     }
 
 
-def _map(row: Row, chart: NightChart | None) -> ChartMap:
-    """Return a chart's map without routes."""
-    vessel = "" if row["vessel"] == "-" else f", {row['vessel']}"
-    if chart is None:
-        return ChartMap(f"{row['scenario']}{vessel}", 480.0, 1.0, "")
-    title = chart.scenario.title or chart.scenario.name
-    small = chart.small_map
-    return ChartMap(f"{title}{vessel}", small.width, small.height, small.land)
-
-
-def _add_lines(
-    chart_map: ChartMap, row: Row, chart: NightChart, earlier: EarlierRoute | None
-) -> None:
-    """Add a case's best route and, if given, yesterday's."""
-    paths = [] if earlier is None else [(earlier.path, True)]
-    if row["geometry"] is not None:
-        paths.insert(0, (shapely.get_coordinates(shapely.from_wkb(row["geometry"])), False))
-    for lonlat, is_earlier in paths:
-        line = {"case": row["case"], "outcome": row["outcome"], "is_earlier": is_earlier}
-        path = chart.small_map.path(chart.water.projection.to_plane(lonlat))
-        chart_map.lines.append(line | {"path": path})
+# --- the cycle as a STAC item ---
 
 
 ITEM_FILE = "item.json"
@@ -179,33 +388,33 @@ _VERSION = "1.1.0"
 _PARQUET = "application/vnd.apache.parquet"
 _ASSETS = {
     "cases": (
-        records.CASES_FILE,
+        CASES_FILE,
         _PARQUET,
         "One row per case: its best route, and what changed",
         ["data"],
     ),
-    "routes": (tables.ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
+    "routes": (ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
     "geopackage": (
-        tables.GEOPACKAGE_FILE,
+        GEOPACKAGE_FILE,
         "application/geopackage+sqlite3",
         "The best routes, for a GIS",
         ["data"],
     ),
     "changes": (
-        tables.CHANGES_FILE,
+        CHANGES_FILE,
         "text/csv",
         "What changed since the cycle before",
         ["metadata"],
     ),
-    "history": (records.HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
+    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
     "page": (PAGE_FILE, "text/html", "What to look at", ["overview"]),
 }
 RESULTS = (
-    records.CASES_FILE,
-    tables.ROUTES_FILE,
-    tables.GEOPACKAGE_FILE,
-    tables.CHANGES_FILE,
-    records.HISTORY_FILE,
+    CASES_FILE,
+    ROUTES_FILE,
+    GEOPACKAGE_FILE,
+    CHANGES_FILE,
+    HISTORY_FILE,
     PAGE_FILE,
     ITEM_FILE,
 )
@@ -241,12 +450,16 @@ def item_text(cycle: str, moment: datetime, routes: pa.Table, counts: Mapping[st
     return json.dumps(item, indent=2) + "\n"
 
 
-def write_files(
-    folder: Path, planning: Planning, look_back: records.LookBack, notes: Sequence[str]
-) -> dict[str, Any]:
-    """Write all files of a cycle into its unfinished folder; `notes` begin its page.
+# --- all files ---
 
-    Returns the numbers of cases and the planning time, s, under their names in `night.json`.
+
+def write_files(
+    folder: Path, planning: Planning, history: Path | None, notes: Sequence[str]
+) -> dict[str, Any]:
+    """Write all files of a cycle into its unfinished folder.
+
+    `history` is that of earlier nights; `notes` begin the cycle's page. Returns the numbers of
+    cases and the planning time, s, under their names in `night.json`.
 
     Raises
     ------
@@ -254,17 +467,17 @@ def write_files(
         No case could be planned, or a file can't be written.
     """
     newest, partial = planning.newest, planning.partial
-    rows = [row for index in range(len(planning.cases)) for row in partial.rows[index]]
-    counted = _counted(rows, partial)
-    cases, routes = tables.tables_of(rows)
+    rows = [row for case in planning.cases for row in partial.rows[case.index]]
+    counted = _counted([row for row in rows if not row["rank"]], partial)
+    cases = pa.Table.from_pylist([row for row in rows if not row["rank"]], CASE_SCHEMA)
+    routes = pa.Table.from_pylist([row for row in rows if row["rank"]], ROUTE_SCHEMA)
     case_rows, counts = cases.to_pylist(), counted["cases_by_outcome"]
     with writing(folder):
-        tables.write_table(cases, folder / records.CASES_FILE)
-        tables.write_table(routes, folder / tables.ROUTES_FILE)
-        tables.write_changes(case_rows, folder / tables.CHANGES_FILE)
-        tables.write_history(look_back, cases, folder / records.HISTORY_FILE, newest)
-        routes_file = folder / tables.GEOPACKAGE_FILE
-        tables.write_geopackage(routes.to_pylist(), routes_file, newest.time)
+        write_table(cases, folder / CASES_FILE)
+        write_table(routes, folder / ROUTES_FILE)
+        write_changes(case_rows, folder / CHANGES_FILE)
+        write_history(history, case_rows, folder / HISTORY_FILE, newest)
+        write_geopackage(routes.to_pylist(), folder / GEOPACKAGE_FILE, newest.time)
         page = page_text(newest, case_rows, notes, _charts(planning), planning.earlier)
         (folder / PAGE_FILE).write_text(page, encoding="utf-8")
         item = item_text(newest.cycle, newest.time or partial.started, routes, counts)
@@ -272,14 +485,13 @@ def write_files(
     return counted
 
 
-def _counted(rows: Sequence[Row], partial: Partial) -> dict[str, Any]:
+def _counted(cases: Sequence[Row], partial: Partial) -> dict[str, Any]:
     """Count the cases; StageError if none could be planned, which the next run tries again."""
-    cases = [row for row in rows if not row["rank"]]
     status = Counter(row["status"] for row in cases)
     if not status[PLANNED]:
         reasons = list(dict.fromkeys(row["reason"] for row in cases))
         more = f" (and {len(reasons) - 3} other reasons)" if len(reasons) > 3 else ""
-        partial.forget_parts()
+        partial.clear()
         raise StageError(f"no case could be planned: {'; '.join(reasons[:3])}{more}")
     outcomes = Counter(row["outcome"] for row in cases)
     return {
@@ -307,34 +519,25 @@ def check_files(folder: Path, count: int) -> None:
     StageError
         A check failed; the message lists all faults.
     """
-    if faults := _faults(folder, count):
-        raise StageError(f"{folder.name} is incomplete: {'; '.join(faults)}; run again")
-
-
-def _faults(folder: Path, count: int) -> list[str]:
-    """Return the faults of incomplete or damaged files."""
     faults = []
     try:
-        index = pq.read_table(folder / records.CASES_FILE, columns=["index", "routes"])
-        if not index["index"].equals(pa.chunked_array([pa.array(range(count), pa.int64())])):
-            faults.append(f"{records.CASES_FILE} has {index.num_rows:,} rows for {count:,} cases")
-        routes = pq.ParquetFile(folder / tables.ROUTES_FILE)
-        rows = sum(
-            routes.read_row_group(group, ["rank", "geometry"]).num_rows
-            for group in range(routes.num_row_groups)
-        )
-        if rows != (expected := pc.sum(index["routes"]).as_py() or 0):
-            faults.append(f"{tables.ROUTES_FILE} has {rows:,} rows for {expected:,} routes")
-        pq.read_table(folder / records.HISTORY_FILE, columns=["cycle"])
-        uri = f"{(folder / tables.GEOPACKAGE_FILE).as_uri()}?mode=ro"
+        cases = pq.read_table(folder / CASES_FILE, columns=["index", "routes"])
+        if cases["index"].to_pylist() != list(range(count)):
+            faults.append(f"{CASES_FILE} has {cases.num_rows:,} rows for {count:,} cases")
+        rows = pq.read_table(folder / ROUTES_FILE).num_rows
+        if rows != (expected := pc.sum(cases["routes"]).as_py() or 0):
+            faults.append(f"{ROUTES_FILE} has {rows:,} rows for {expected:,} routes")
+        pq.read_table(folder / HISTORY_FILE, columns=["cycle"])
+        uri = f"{(folder / GEOPACKAGE_FILE).as_uri()}?mode=ro"
         with closing(sqlite3.connect(uri, uri=True)) as database:
             if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
-                faults.append(f"{tables.GEOPACKAGE_FILE} is damaged")
-            database.execute(f'SELECT count(*) FROM "{tables.LAYER.name}"').fetchone()  # noqa: S608 - our own name
+                faults.append(f"{GEOPACKAGE_FILE} is damaged")
+            database.execute(f'SELECT count(*) FROM "{LAYER.name}"').fetchone()  # noqa: S608 - our own name
         json.loads((folder / ITEM_FILE).read_text(encoding="utf-8"))
         if "</html>" not in (folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
             faults.append(f"{PAGE_FILE} has no end")
-        (folder / tables.CHANGES_FILE).read_text(encoding="utf-8")
+        (folder / CHANGES_FILE).read_text(encoding="utf-8")
     except (OSError, ValueError, pa.ArrowException, sqlite3.Error) as error:
         faults.append(f"a file does not open: {clean(str(error))}")
-    return faults
+    if faults:
+        raise StageError(f"{folder.name} is incomplete: {'; '.join(faults)}; run again")

@@ -1,4 +1,4 @@
-"""The results of finished cycles: `night.json`, yesterday's routes, and the history.
+"""The results of finished cycles: their record `night.json`, the outcomes, and yesterday's routes.
 
 `night.json` has the time and inputs of a cycle, the outcomes of its cases, and hashes of its files.
 It is written after all other files are on the disk. So a cycle with a record is complete, and the
@@ -12,7 +12,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import shapely
 
@@ -22,16 +21,20 @@ from pipeline.machine.files import flush_tree, write_whole
 from pipeline.machine.store import file_hash
 from pipeline.nightly.cases import matches
 from pipeline.nightly.cycles import RECORD, Cycles, Row, holder_of, is_busy, rows_of_parts, writing
-from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
-from pipeline.texts import clean
 
 CASES_FILE = "cases.parquet"
-_COLUMNS = ["case", "side", "island", "class", "fuel", "arrival", "geometry"]
 HISTORY_FILE = "history.parquet"
-_CONSEQUENCES = {
-    CASES_FILE: "tonight is compared with an earlier night, if there is one",
-    HISTORY_FILE: "the history is made again from the cycles that are kept",
-}
+DONE = 0
+"""Exit code of a night that has nothing to tell."""
+LOOK_CODE = 10
+"""Exit code of a night that published, and an operator should look at some cases or notes."""
+SAME = "same"
+"""Outcome of a case: yesterday's way is still the best, or nearly."""
+LOOK = "look"
+"""Outcome of a case that an operator should look at."""
+ACT = "act"
+"""Outcome of a case: yesterday's way can't be sailed any more, or there is no route."""
+OUTCOMES = (SAME, LOOK, ACT)
 
 
 def write_record(
@@ -115,44 +118,25 @@ def reason_to_revise(folder: Path, request: str, currents: str) -> str:
     return f"changed since {folder.name}: {' and '.join(changed)}" if changed else ""
 
 
-def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str]:
+def faults_of(folder: Path, files: Iterable[str] = ()) -> dict[str, str]:
     """Return the faults of a cycle's files by name: missing, unreadable or damaged.
 
-    By default the record and all files that it names are checked. If the record can't be read, the
-    given files, which are tables, are read to the end instead.
+    The given files are checked or, by default, all that the record names.
     """
     try:
         hashes = record_of(folder)["sha256"]
     except StageError:
-        if files is None:
-            return {RECORD: "can't be read"}
-        return {name: fault for name in files if (fault := _table_fault(folder / name))}
-    found = {}
-    for name in hashes if files is None else files:
+        return {RECORD: "can't be read"}
+    faults = {}
+    for name in files or hashes:
         try:
             if file_hash(folder / name) != hashes.get(name):
-                found[name] = "is damaged: its content has changed since it was written"
+                faults[name] = "is damaged: its content has changed since it was written"
+        except FileNotFoundError:
+            faults[name] = "is missing"
         except OSError as error:
-            found[name] = _unreadable(error)
-    return found
-
-
-def _table_fault(path: Path) -> str:
-    """Return why a Parquet table can't be read to its end, or ""."""
-    try:
-        pq.read_table(path)
-    except FileNotFoundError as error:
-        return _unreadable(error)
-    except (OSError, pa.ArrowException) as error:
-        return f"is damaged: {clean(str(error))[:100]}"
-    return ""
-
-
-def _unreadable(error: OSError) -> str:
-    """Return a message that a file is missing, or why it can't be read."""
-    if isinstance(error, FileNotFoundError):
-        return "is missing"
-    return f"can't be read ({error.strerror or type(error).__name__})"
+            faults[name] = f"can't be read ({error.strerror or type(error).__name__})"
+    return faults
 
 
 def summary(record: Mapping[str, Any]) -> str:
@@ -190,64 +174,37 @@ class EarlierRoute:
 
 def earlier_routes(cycle: str, path: Path) -> dict[str, EarlierRoute]:
     """Return the routes in a cycle's table of cases by the case, without cases that have none."""
-    known = set(pq.read_schema(path).names)  # an earlier version's table lacks the island
-    table = pq.read_table(path, columns=[name for name in _COLUMNS if name in known])
     return {
         row["case"]: EarlierRoute(
             cycle,
             row["side"],
-            row.get("island", ""),
+            row.get("island", ""),  # which an earlier version's table lacks
             row["class"],
             row["fuel"],
             row["arrival"] and row["arrival"].astimezone(UTC),  # plain: the store holds no others
             shapely.get_coordinates(shapely.from_wkb(row["geometry"])),
         )
-        for row in table.to_pylist()
+        for row in pq.read_table(path).to_pylist()
         if row["geometry"] is not None
     }
 
 
-@dataclass(frozen=True, slots=True)
-class LookBack:
-    """The readable results of earlier nights.
+def readable_cycle(cycles: Cycles) -> tuple[str, list[str]]:
+    """Return the newest cycle up to `latest` whose tables can be read, and why newer ones can't.
 
-    Attributes
-    ----------
-    cycle : the newest cycle with a readable table of cases, for the comparison with tonight; or "".
-    history : the newest readable history, or None.
-    later : cycles newer than that history, oldest first: name and readable table of cases.
-    notes : one line for each file that could not be read.
+    The name is "" if there is no such cycle. There is a note for each damaged table.
     """
-
-    cycle: str = ""
-    history: Path | None = None
-    later: tuple[tuple[str, Path], ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-def look_back(cycles: Cycles) -> LookBack:
-    """Find the readable results of earlier nights; set unreadable files aside, with a note.
-
-    The search goes backwards and usually ends after two files of the last cycle.
-    """
-    compared, history, notes = "", None, list[str]()
-    later: list[tuple[str, Path]] = []
+    notes = list[str]()
     for cycle in reversed(cycles.up_to_latest()):
-        folder = cycles.folder(cycle)
-        wanted = (CASES_FILE,) if history is not None else (CASES_FILE, HISTORY_FILE)
-        faults = faults_of(folder, wanted)
-        for name, fault in faults.items():
-            cycles.set_aside(folder / name)
-            notes.append(f"{cycle}/{name} {fault}; {_CONSEQUENCES[name]}")
-        if CASES_FILE not in faults:
-            compared = compared or cycle
-        if history is None and HISTORY_FILE not in faults:
-            history = folder / HISTORY_FILE
-        elif history is None and CASES_FILE not in faults:
-            later.insert(0, (cycle, folder / CASES_FILE))
-        if compared and history is not None:
-            break
-    return LookBack(compared, history, tuple(later), tuple(notes))
+        faults = faults_of(cycles.folder(cycle), (CASES_FILE, HISTORY_FILE))
+        if not faults:
+            return cycle, notes
+        notes += [
+            f"{cycle}/{name} {fault}; tonight is compared with an earlier night, if there is one, "
+            "and the history goes on from there"
+            for name, fault in faults.items()
+        ]
+    return "", notes
 
 
 # Largest number of cases that `show` prints.

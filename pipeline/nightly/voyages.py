@@ -2,14 +2,14 @@
 
 import csv
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
 from pipeline.errors import PipelineError, RequestError
 from pipeline.nightly.config import NightConfig, VoyageSpec
-from pipeline.nightly.outcome import ACT, LOOK, SAME
+from pipeline.nightly.cycles import Row
+from pipeline.nightly.records import ACT, LOOK, SAME
 from pipeline.scenario.strict import looks_like_path
 from pipeline.texts import cell
 from pipeline.underway.reports import Fix, last_fix
@@ -19,50 +19,31 @@ VOYAGES_FILE = "voyages.csv"
 """A cycle's table of the voyages under way."""
 
 
-@dataclass(frozen=True)
-class SailedVoyage:
-    """A row of the table: where the vessel was, and what planning again answered.
-
-    `answer` is kept, switched or failed, with its `reason`. Fuel is in the planner's units; figures
-    are NaN where there are none. `results` is the folder of the new results.
-    """
-
-    voyage: str
-    outcome: str
-    answer: str
-    reason: str
-    time: str
-    lon: float
-    lat: float
-    fuel: float = math.nan
-    kept_fuel: float = math.nan
-    off_m: float = math.nan
-    late_s: float = math.nan
-    by_drift: float = math.nan
-    by_forecast: float = math.nan
-    saved: float = math.nan
-    results: str = ""
-
-    @property
-    def sentence(self) -> str:
-        """What happened, for a reader."""
-        return f"voyage {self.voyage}: {self.reason}"
+# Columns that are figures of planning again, in the planner's units of fuel, metres and seconds.
+_FIGURES = ("fuel", "kept_fuel", "off_m", "late_s", "by_drift", "by_forecast", "saved")
+_COLUMNS = (
+    *("voyage", "outcome", "answer", "reason", "time", "lon", "lat"),
+    *(*_FIGURES, "results"),
+)
 
 
-def planned_again(config: NightConfig, spec: VoyageSpec) -> SailedVoyage:
+def planned_again(config: NightConfig, spec: VoyageSpec) -> Row:
     """Plan a voyage again from its last position; results lie beside those of its plan.
 
-    A voyage that can't be planned again does not stop the night: its row says why.
+    Returns a row of the table: where the vessel was, and what planning again answered: kept,
+    switched or failed, with the reason. `results` is the folder of the new results. A voyage that
+    can't be planned again does not stop the night: its row says why.
     """
     folder = Path(config.here(spec.results)).expanduser()
-    fix: Fix | None = None
+    row: Row = {"voyage": folder.name}
     try:
         fix = _last_fix(config, spec)
-        return _answered(config, spec, folder, fix)
+        time = datetime.fromtimestamp(fix.time, UTC)
+        row |= {"time": time.isoformat(), "lon": fix.lon, "lat": fix.lat}
+        return row | _answer(config, spec, folder, Position(fix.lon, fix.lat), time)
     except PipelineError as error:
         reason = "; ".join(str(error).splitlines())
-        time, lon, lat = _place(fix)
-        return SailedVoyage(folder.name, ACT, "failed", reason, time, lon, lat)
+        return row | {"outcome": ACT, "answer": "failed", "reason": reason}
 
 
 def _last_fix(config: NightConfig, spec: VoyageSpec) -> Fix:
@@ -79,20 +60,21 @@ def _last_fix(config: NightConfig, spec: VoyageSpec) -> Fix:
     return fix
 
 
-def _answered(config: NightConfig, spec: VoyageSpec, folder: Path, fix: Fix) -> SailedVoyage:
-    """Run the voyage ahead, and return its row."""
+def _answer(
+    config: NightConfig, spec: VoyageSpec, folder: Path, at: Position, time: datetime
+) -> Row:
+    """Run the voyage ahead, and return the columns with what that answers."""
     from pipeline.findings.choices import replanned_text
     from pipeline.run import run
     from pipeline.underway.replan import under_way_scenario
     from pipeline.underway.request import UnderWayRequest
 
-    time, lon, lat = _place(fix)
     currents = (config.here(one) if looks_like_path(one) else one for one in spec.currents)
     scenario, _ = under_way_scenario(
         UnderWayRequest(
             results=folder,
-            at=Position(fix.lon, fix.lat),
-            time=datetime.fromtimestamp(fix.time, UTC),
+            at=at,
+            time=time,
             currents=tuple(currents),
             season=spec.season,
             departed=spec.departed,
@@ -102,42 +84,24 @@ def _answered(config: NightConfig, spec: VoyageSpec, folder: Path, fix: Fix) -> 
     (found,) = (one.replanned for one in ended.result.results)
     if found is None:
         raise RequestError("; ".join(ended.failures))
-    return SailedVoyage(
-        voyage=folder.name,
-        outcome=SAME if found.answer == "kept" else LOOK,
-        answer=found.answer,
-        reason=" ".join(replanned_text(found)),
-        time=time,
-        lon=lon,
-        lat=lat,
-        fuel=found.fuel,
-        kept_fuel=found.kept_fuel,
-        off_m=found.off_m,
-        late_s=found.late_s,
-        by_drift=found.by_drift,
-        by_forecast=found.by_forecast,
-        saved=found.saved,
-        results=ended.directory.name,
-    )
+    return {
+        "outcome": SAME if found.answer == "kept" else LOOK,
+        "answer": found.answer,
+        "reason": " ".join(replanned_text(found)),
+        **{name: getattr(found, name) for name in _FIGURES},
+        "results": ended.directory.name,
+    }
 
 
-def _place(fix: Fix | None) -> tuple[str, float, float]:
-    """Return time, longitude and latitude of a position for the table."""
-    if fix is None:
-        return "", math.nan, math.nan
-    return datetime.fromtimestamp(fix.time, UTC).isoformat(), fix.lon, fix.lat
-
-
-def write_voyages(voyages: Sequence[SailedVoyage], path: Path) -> None:
+def write_voyages(voyages: Iterable[Row], path: Path) -> None:
     """Write the table of voyages; figures that are missing are empty."""
-    rows = [asdict(one) for one in voyages]
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer = csv.DictWriter(file, _COLUMNS, lineterminator="\n")
         writer.writeheader()
-        for row in rows:
-            writer.writerow(
-                {
-                    key: "" if isinstance(one, float) and not math.isfinite(one) else cell(one)
-                    for key, one in row.items()
-                }
-            )
+        for voyage in voyages:
+            known = {
+                name: cell(value)
+                for name, value in voyage.items()
+                if not isinstance(value, float) or math.isfinite(value)
+            }
+            writer.writerow(known)

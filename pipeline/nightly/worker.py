@@ -1,34 +1,57 @@
-"""A batch of cases on one chart, which a worker plans.
+"""What a night's workers make: charts and currents, which many cases share, and batches of cases.
 
-Chart and currents are loaded from their paths and cached. Yesterday's route, sailed in tonight's
-current, is compared with tonight's best route.
+A chart or current is made once and stored. A batch of cases on one chart loads both from their
+paths. Yesterday's route, sailed in tonight's current, is compared with tonight's best route.
 """
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import shapely
 
 import renew
-from pipeline.errors import one_line
+from pipeline.errors import StageError, one_line
 from pipeline.findings.columns import figures
 from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
+from pipeline.findings.note_words import note_texts
 from pipeline.findings.way_names import way_names
-from pipeline.model import Case, CaseResult, RouteMetrics
-from pipeline.nightly.charts import NightCurrent, case_of, loaded_chart, loaded_current
+from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
+from pipeline.model import (
+    Case,
+    CaseResult,
+    Current,
+    CurrentGrid,
+    MemberCurrents,
+    RouteMetrics,
+    Water,
+    planner_vessel,
+)
 from pipeline.nightly.cycles import Row
-from pipeline.nightly.outcome import ACT, LOOK, SAME
-from pipeline.nightly.records import EarlierRoute
+from pipeline.nightly.records import ACT, LOOK, SAME, EarlierRoute
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
+from pipeline.sources.current_field import land_freed_at_end
+from pipeline.sources.registry import charted_land
 from pipeline.stages.choose import with_offing
+from pipeline.stages.fetch import Fetcher
+from pipeline.stages.places import plane_current, plane_water
 from pipeline.stages.plan_case import plan_case
+from pipeline.stages.project import members_of, planar_current, water_of
+from pipeline.stages.region import chosen_region
+from pipeline.stages.simplify import simplify
 from renew import Route
 from renew.inputs.options import Drift
 
+STAGE = "night-chart"
+"""Stage of charts and currents in the keys of the store."""
 PLANNED = "planned"
 FAILED = "failed"
 BROKEN = "broken"
@@ -40,6 +63,159 @@ _SAME_END = 1e-6
 _CHEAPER_PERCENT = 0.1
 # Largest spacing of points from which two lines' distance is measured, as a share of a leg.
 _DENSIFY = 0.01
+_Stored = TypeVar("_Stored", "NightChart", "NightCurrent")
+
+
+# --- charts and currents ---
+
+
+@dataclass(frozen=True)
+class NightChart:
+    """A scenario with its region, and its chart for one vessel in the planner's plane."""
+
+    scenario: Scenario
+    water: Water
+    accuracy_m: float
+
+
+@dataclass(frozen=True)
+class NightCurrent:
+    """A current in the planner's plane.
+
+    `stand_in` is "" or says which current replaces the first choice, and why. `members` are there
+    if it is the mean of several, and `left_out` says which of them can't be used, and why.
+    """
+
+    current: Current
+    valid: str
+    source: str
+    stand_in: str
+    members: MemberCurrents | None = None
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ChartTask:
+    """A task to make a chart; `ends` are the starts and goals of all pairs on it."""
+
+    scenario: Scenario
+    ends: tuple[Point, ...]
+    store_root: Path
+    path: Path
+
+    def make(self) -> None:
+        """Make the chart and store it, unless it is stored already."""
+        if load_artefact(self.path, NightChart) is None:
+            store = Store(self.store_root, "nightly")
+            save_artefact(self.path, _chart(self.scenario, self.ends, store))
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentTask:
+    """A task to fetch one current of a chart."""
+
+    season: Season
+    chart_path: Path
+    store_root: Path
+    path: Path
+
+    def make(self) -> None:
+        """Fetch the current, project it to the chart's plane, and store it, unless it is stored.
+
+        Raises
+        ------
+        StageError
+            No source has the current, or the chart is missing.
+        """
+        if load_artefact(self.path, NightCurrent) is not None:
+            return
+        chart = loaded_chart(self.chart_path)
+        save_artefact(self.path, _current(self, chart))
+
+
+@lru_cache(maxsize=2)
+def loaded_chart(path: Path) -> NightChart:
+    """Load a stored chart; a worker keeps the last two in memory."""
+    return _loaded(path, NightChart)
+
+
+@lru_cache(maxsize=4)
+def loaded_current(path: Path) -> NightCurrent:
+    """Load a stored current; a worker keeps the last four in memory."""
+    return _loaded(path, NightCurrent)
+
+
+def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
+    """Load a chart or current that a task has stored; raise StageError if it can't be read."""
+    found = load_artefact(path, kind)
+    if found is None:
+        raise StageError(f"can't read {path}; give all workers access to the same output folder")
+    return found
+
+
+def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
+    """Return the store's key of a scenario's chart on which `ends` stay in water."""
+    names = {"region", "plane", "scale", "chart", "vessel", "start", "goal", "planner"}
+    inputs = scenario.model_dump(mode="json", include=names)
+    identity = () if scenario.is_planar else charted_land(scenario).identity
+    return artefact_key(STAGE, identity, inputs, list(ends))
+
+
+def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
+    """Fetch, simplify and project a scenario's chart, on which `ends` stay in water."""
+    if scenario.is_planar:
+        return NightChart(scenario, plane_water(scenario), 0.0)
+    if scenario.region is None:
+        region = chosen_region(scenario, store, offline=False)
+        scenario = region.complete(scenario)
+    fetcher = _fetcher(scenario, store)
+    land = fetcher.land
+    simplified = simplify(scenario, Artefact(fetcher.land_key, land), store, ends).value
+    return NightChart(scenario, water_of(scenario, land, simplified), land.accuracy_m)
+
+
+def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
+    """Return the fetcher of land and currents in a scenario's region."""
+    if scenario.region is None:
+        raise StageError("the chart's region is yet to be chosen")
+    land = charted_land(scenario)
+    return Fetcher(scenario.region, land, store, offline=False)
+
+
+@lru_cache(maxsize=1)
+def _chart_fetcher(chart_path: Path, store_root: Path) -> Fetcher:
+    """Return a chart's fetcher; cached, because it contains the land."""
+    return _fetcher(loaded_chart(chart_path).scenario, Store(store_root, "nightly"))
+
+
+def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
+    """Fetch a current and project it to the chart's plane."""
+    season, water = task.season, chart.water
+    if chart.scenario.is_planar:
+        current = plane_current(season, water.chart.extent)
+        members = members_of(water, chart.scenario, season, current, None)
+        return NightCurrent(current, season.title or season.name, "numbers", "", members)
+    with land_freed_at_end():
+        fetched = _chart_fetcher(task.chart_path, task.store_root).current(season)
+    grid = fetched.grid
+    if grid is None:
+        reasons = "; ".join(passed.reason for passed in fetched.passed_over)
+        raise StageError(f"no source of currents could be used: {reasons}")
+    current = planar_current(grid, water.projection, water.chart.bounds)
+    members = members_of(water, chart.scenario, season, current, grid)
+    left_out = note_texts(note for note in grid.notes if note.kind == "member-left-out")
+    return NightCurrent(
+        current, grid.valid, grid.credit.name, _stand_in(grid), members, tuple(left_out)
+    )
+
+
+def _stand_in(grid: CurrentGrid) -> str:
+    """Return which current replaces the first choice, and why; "" if it is the first choice."""
+    reasons = [passed.reason for passed in grid.passed_over]
+    return "; ".join((*note_texts(grid.stand_in_notes), *reasons)) if grid.is_stand_in else ""
+
+
+# --- cases ---
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,28 +251,14 @@ class PlanBatch:
     look_percent: float
     stale: str
 
-    @property
-    def first(self) -> int:
-        """Index of the first case."""
-        return self.cases[0].index
-
-    @property
-    def end(self) -> int:
-        """Index after the last case."""
-        return self.cases[-1].index + 1
-
-    def make(self) -> tuple[list[Row], float]:
-        """Plan the cases; return their rows, and the seconds that all took.
-
-        The row of a case has the seconds that planning it took.
-        """
-        batch_begun = time.perf_counter()
+    def make(self) -> list[Row]:
+        """Plan the cases; return their rows. A case's last row has the seconds that it took."""
         rows: list[Row] = []
         for case in self.cases:
             begun = time.perf_counter()
             rows += rows_of(case, self)
             rows[-1]["seconds"] = time.perf_counter() - begun
-        return rows, time.perf_counter() - batch_begun
+        return rows
 
 
 def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
@@ -106,9 +268,7 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
     try:
         chart = loaded_chart(batch.chart_path)
         current = loaded_current(case.current_path)
-        voyage = case_of(case.names[1], (case.start, case.goal), chart, current)
-        if not current.current.is_steady:
-            voyage = replace(voyage, departure=case.leaves)
+        voyage = _case_of(case, chart, current)
         options = with_offing(chart.scenario, voyage, chart.accuracy_m)
         planned = plan_case(voyage, options)
         planned = way_names(voyage.water, [planned], ()).name(planned)
@@ -138,6 +298,24 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
         row |= compared(case.earlier, voyage, planned, drift=options.drift, leaves=case.leaves)
     outcome, why = judged(row, planned, case.earlier, batch)
     return [*routes, row | {"outcome": outcome, "why": why}]
+
+
+def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> Case:
+    """Return what the planner plans."""
+    scenario, water = chart.scenario, chart.water
+    ends = np.array([case.start or scenario.start, case.goal or scenario.goal])
+    start, goal = ends if water.is_planar else water.projection.to_plane(ends)
+    voyage = Case(
+        case.names[1],
+        water,
+        planner_vessel(scenario.vessel),
+        start,
+        goal,
+        current.current,
+        under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
+        members=current.members,
+    )
+    return voyage if current.current.is_steady else replace(voyage, departure=case.leaves)
 
 
 def failed_row(case: NightCaseTask, reason: str, stale: str, status: str = FAILED) -> Row:

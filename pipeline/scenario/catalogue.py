@@ -8,14 +8,14 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.scenario import strict
 from pipeline.scenario.region import ChartSpec
 from pipeline.scenario.season import Season
-from pipeline.scenario.strict import StrictModel, model_faults, near_miss, shown
+from pipeline.scenario.strict import StrictModel, near_miss, shown
 
 # The limit of `renew.Vessel`: larger figures are a slip of the pen, and their powers overflow.
 _Figure = Annotated[strict.Positive, Field(le=1e6)]
@@ -69,22 +69,17 @@ SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
 _MAX_TOML_BYTES = 4 << 20
 
 
-class Licence(StrictModel):
-    """Credit line, licence and origin of data."""
-
-    credit: str
-    licence: str
-    url: str = ""
-
-
 class SourceBase(StrictModel):
-    """The keys of every source's entry."""
+    """The keys of every source's entry; the credit is "" where the data state it themselves."""
 
     schema_version: Literal[1]
     name: strict.Name
     """Name in the catalogue, and of the files made from it. Use up to 64 lower-case letters,
     digits, '-' and '_'."""
     title: str
+    credit: str = ""
+    licence: str = ""
+    url: str = ""
 
 
 class LandSpec(SourceBase):
@@ -97,19 +92,22 @@ class LandSpec(SourceBase):
     adapter: Literal["osm-land", "s57"]
 
 
-class VectorSpec(SourceBase, Licence):
+class VectorSpec(SourceBase):
     """Land polygons in a vector file that the user names."""
 
     adapter: Literal["vector"]
     accuracy_m: strict.Positive
 
 
-class TableSeason(Licence):
-    """A season of an embedded table: the credit, the time that it is valid for, and its months.
+class TableSeason(StrictModel):
+    """A season of an embedded table: its credit, and the time that it is valid for.
 
-    Where no better current is at hand, it stands for these months (1 to 12) of any year.
+    Where no better current is at hand, it is used for its `months` (1 to 12) of any year.
     """
 
+    credit: str
+    licence: str
+    url: str = ""
     valid: str
     months: tuple[Annotated[int, Field(ge=1, le=12)], ...] = ()
 
@@ -122,7 +120,7 @@ class EmbeddedTableSpec(SourceBase):
     seasons: dict[str, TableSeason]
 
     def season_for(self, season: Season) -> str | None:
-        """Return the table's season that stands for a season of a scenario; None where none does.
+        """Return the table's season to use for a season of a scenario; None if there is none.
 
         Either both have the same name, or the scenario's season is a month of the table's season.
         """
@@ -144,12 +142,13 @@ StepLength = Literal["month", "day", "6 hours", "hour"]
 StepKind = Literal["mean", "instant", "climatology"]
 
 
-class CopernicusSpec(SourceBase, Licence):
+class CopernicusSpec(SourceBase):
     """A dataset of the Copernicus Marine Service.
 
-    Without a `version` the newest is used. `covers` tells readers what `first_day` and `days_ahead`
-    (the last day, counted from today) tell the program; both are generous, as only the service
-    knows exactly. Data may still change until they are `settles_after_days` old.
+    Without a `version` the newest is used. `covers` names the period of the data for readers.
+    `first_day` and `days_ahead` (days from today to the last one) give it to the program; it may be
+    a little shorter, which only the service knows. Data may still change until they are
+    `settles_after_days` old.
     """
 
     adapter: Literal["copernicus"]
@@ -234,21 +233,21 @@ def source(name: str) -> ChartEntry | CurrentEntry:
     """Read and check a source's entry."""
     if name not in names("sources"):
         raise RequestError(f"unknown source {name!r}: {near_miss(name, names('sources'))}")
-    data = entry("sources", name)
-    try:
-        return _SOURCE.validate_python(data)
-    except ValidationError as error:
-        lines = model_faults(error, SourceBase, data)
-        raise RequestError([f"source {name!r}: {line}" for line in lines]) from None
+    return _SOURCE.validate_python(entry("sources", name))
 
 
 def vessel(name: str) -> VesselSpec:
     """Read and check a vessel's entry."""
     if name not in names("vessels"):
         raise RequestError(f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}")
-    data = entry("vessels", name)
+    return vessel_in(root() / "vessels" / f"{name}.toml", f"vessel {name!r}")
+
+
+def vessel_in(file: Path, label: str) -> VesselSpec:
+    """Read and check the vessel in a file; faults begin with the label."""
+    data = read_toml(file)
     data.pop("schema_version", None)
-    return strict.validated(VesselSpec, data, lambda line: f"vessel {name!r}: {line}")
+    return strict.validated(VesselSpec, data, lambda line: f"{label}: {line}")
 
 
 def scenario_path(asked: str) -> Path:
@@ -367,17 +366,15 @@ def listed() -> dict[str, list[dict[str, str]]]:
         sections[section] = []
         for name in names(section):
             content = entry(section, name)
-            needs = _needs(content) if section == "scenarios" else ""
-            sections[section].append(_entry(section, name, str(content.get("title", "")), needs))
-    sections["tides"] = [
-        _entry("tides", name, json.loads(path.read_text(encoding="utf-8"))["name"])
-        for name, path in stations().items()
-    ]
+            title, needs = content.get("title", ""), section == "scenarios" and _needs(content)
+            about = {"section": section, "name": name, "title": title, "needs": needs or ""}
+            sections[section].append(about)
+    sections["tides"] = []
+    for name, path in stations().items():
+        title = json.loads(path.read_text(encoding="utf-8"))["name"]
+        about = {"section": "tides", "name": name, "title": title, "needs": ""}
+        sections["tides"].append(about)
     return sections
-
-
-def _entry(section: str, name: str, title: str, needs: str = "") -> dict[str, str]:
-    return {"section": section, "name": name, "title": title, "needs": needs}
 
 
 def _needs(scenario: dict[str, Any]) -> str:

@@ -372,18 +372,6 @@ def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> No
         raise RequestError(faults)
 
 
-def require_seasons(scenario: Scenario, asked: Sequence[str]) -> None:
-    """Raise RequestError for names of seasons that a scenario does not have."""
-    known = [season.name for season in scenario.seasons]
-    faults = [
-        f"{scenario.name} has no season {name!r}: it has {', '.join(known)}"
-        for name in asked
-        if name not in known
-    ]
-    if faults:
-        raise RequestError(faults)
-
-
 def with_currents(
     data: dict[str, Any], asked: Sequence[str | Path]
 ) -> tuple[dict[str, Any], list[str]]:

@@ -57,7 +57,7 @@ class Anchorage(StrictModel):
 
 
 def _kind_of_via(given: object) -> str:
-    """Say which member of the union a value is meant to be; no key has such a name."""
+    """Return the tag of the kind of via point that is meant; messages leave tags out."""
     return "a table" if isinstance(given, dict | Anchorage) else "a point"
 
 

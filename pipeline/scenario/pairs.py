@@ -1,4 +1,4 @@
-"""The pairs of features that a scenario can't have both, each with its reason: one table.
+"""The table of pairs of features that a scenario can't have together, each with its reason.
 
 Every other pair is planned. The scenario's checks and the reference are made from this table, and a
 property test draws random scenarios against it. What one feature needs (a departure, a draught) is

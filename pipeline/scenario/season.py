@@ -87,7 +87,7 @@ def interval(text: str) -> timedelta:
 
 
 def span(text: str) -> timedelta:
-    """Read an interval that may be no time at all, '0min'; else ValueError with the remedy."""
+    """Read an interval that may be zero, '0min'; else ValueError with the remedy."""
     return timedelta() if text == "0min" else interval(text)
 
 
@@ -154,17 +154,17 @@ class DepartureTimes(StrictModel):
         return (self.count - 1) * interval(self.every)
 
 
-# Name of the season of a departure that nobody named.
+# Form of a season's name where only its departure was given.
 _NAME = "%Y-%m-%dt%H%Mz"
 
 
 def departure_name(departure: datetime) -> str:
-    """Name the season of a departure, UTC: 2026-11-22t0600z."""
+    """Return the name of the season of a departure, UTC: 2026-11-22t0600z."""
     return departure.strftime(_NAME)
 
 
 def named_departure(season: str) -> datetime | None:
-    """Return the departure, UTC, that a season is named by; None where it has a name of its own."""
+    """Return the departure, UTC, in a season's name; None if the name has another form."""
     try:
         return datetime.strptime(season, _NAME).replace(tzinfo=UTC)
     except ValueError:
@@ -172,9 +172,9 @@ def named_departure(season: str) -> datetime | None:
 
 
 FILES = "files"
-"""The word for members that are files of their own."""
+"""`members.along` where each file is a member."""
 CYCLES = "cycles"
-"""The word for members that are the forecasts in folders of their own."""
+"""`members.along` where the files of each folder are one forecast, and a member."""
 
 
 class MembersSpec(StrictModel):
@@ -286,7 +286,7 @@ def _as_files(given: object) -> object:
 
 
 def _kind(given: object) -> str:
-    """Say which member of the union of sources a value is meant to be; no key has such a name."""
+    """Return the tag of the kind of source that is meant; messages leave tags out."""
     if isinstance(given, dict | StreamConstants):
         return "a table"
     return "a list" if isinstance(given, list | tuple) else "a name"

@@ -1,36 +1,53 @@
-"""The HTTP interface and the page: what the server answers to whom the guard lets through."""
+"""The server: a port of this machine, and the answers to requests that the guard lets through."""
 
 import asyncio
 import contextlib
 import io
 import re
+import socket
 import zipfile
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
+import uvicorn
 from fastapi import FastAPI, Path as InPath, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.formats.palette import style_colours
 from pipeline.formats.report import assets
 from pipeline.scenario import catalogue
 from pipeline.serve.guard import FILES, Guard, Keys, refused
-from pipeline.serve.plans import AskedPlan, FullQueueError, Plans
-from pipeline.serve.request import (
+from pipeline.serve.plans import (
     ASKED,
     MAX_FILE_BYTES,
+    AskedPlan,
+    FullQueueError,
     GivenFiles,
     PlanRequest,
+    Plans,
     TooLargeError,
     too_large,
 )
 from pipeline.voyage.readers import read_position
 
+HOST = "127.0.0.1"
+"""The one address that the server listens at: nobody else's machine reaches it."""
+USUAL_PORT = 8137
+"""The port where none is asked for, if it is free."""
+# Folder, inside the output folder, of the files that the page is given.
+_GIVEN = ".given"
+# Connections at a time: a browser opens six. For another, the oldest without a request is closed.
+_MAX_CONNECTIONS = 200
+# Seconds in which the head of a request must come.
+_HEAD_S = 10.0
+# Seconds that answers in progress have at the end.
+_GRACE_S = 2
 _Identity = Annotated[str, InPath(pattern=r"^[0-9a-f]{32}$")]
 _TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
 # Seconds that a browser may keep a tile of the land.
@@ -44,7 +61,86 @@ REPORT_POLICY = (
     f"script-src '{assets.content_hash(assets.script())}'; style-src 'unsafe-inline'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What a report may do: run its own script, in an origin of its own."""
+"""The policy of a report: it may run its own script alone, in an origin of its own."""
+
+
+def serve(plans: Plans, port: int | None, on_ready: Callable[[str], None]) -> None:
+    """Serve the page until the process is stopped; call `on_ready` with the first address.
+
+    `port` is 0 for any that is free, and None for the usual one if that is free.
+
+    Raises
+    ------
+    RequestError
+        The port is taken.
+    """
+    with _listening(port) as opened:
+        keys = Keys(opened.getsockname()[1])
+        config = uvicorn.Config(
+            make_app(keys, plans, GivenFiles(plans.output / _GIVEN)),
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            http=_Connection,
+            limit_concurrency=_MAX_CONNECTIONS + 1,
+            timeout_graceful_shutdown=_GRACE_S,
+        )
+        on_ready(keys.address)  # the port is open already, and requests wait for the server
+        uvicorn.Server(config).run(sockets=[opened])
+
+
+class _Connection(H11Protocol):
+    """A connection that is closed if no request comes in time, or when others need its place."""
+
+    _open: ClassVar[dict["_Connection", None]] = {}  # the oldest first
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Make room, and wait for a request."""
+        super().connection_made(transport)
+        if len(self._open) >= _MAX_CONNECTIONS:
+            next(filter(_Connection.is_idle, self._open), self).end_if_idle()
+        self._open[self] = None
+        self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._open.pop(self, None)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take a part of a request; the head of the next one has its own time."""
+        super().data_received(data)
+        if not self.is_idle() or self._head.when() < self.loop.time():
+            self._head.cancel()
+            self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
+
+    def is_idle(self) -> bool:
+        """Whether there is no request whose answer is not complete."""
+        return self.cycle is None or self.cycle.response_complete  # type: ignore[redundant-expr]
+
+    def end_if_idle(self) -> None:
+        """Close the connection, unless a request is at work."""
+        if self.is_idle():
+            self._open.pop(self, None)
+            self.transport.abort()
+
+
+@contextlib.contextmanager
+def _listening(port: int | None) -> Iterator[socket.socket]:
+    """Open a port of this machine."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as opened:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            opened.bind((HOST, USUAL_PORT if port is None else port))
+        except OSError as error:
+            if port is not None:
+                raise RequestError(
+                    f"--port = {port} can't be opened ({error.strerror}); choose another one, or "
+                    "leave it out for any that is free"
+                ) from error
+            opened.bind((HOST, 0))
+        opened.listen()
+        yield opened
 
 
 def make_app(keys: Keys, plans: Plans, files: GivenFiles) -> FastAPI:
@@ -151,12 +247,12 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
     text = assets.own_script("text")
     files = {
         "/": templates.get_template("plan.html.jinja").render(
-            options={one.field: one for one in ASKED}
+            options={option.field: option for option in ASKED}
         ),
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
         "/static/leaflet.js": assets.leaflet(),
-        # As a module that exports all that it defines.
+        # Made a module: its definitions are exported.
         "/static/text.js": f"{text}\nexport {{ {', '.join(_DEFINED.findall(text))} }};\n",
         **own,
     }
@@ -204,7 +300,7 @@ def _add_names(app: FastAPI) -> None:
 
 
 def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
-    """Take, tell and cancel plans."""
+    """Serve requests to plan a voyage, to report a plan and to cancel it."""
 
     @app.post("/api/plan", status_code=202)
     async def add(request: PlanRequest) -> dict[str, Any]:
@@ -214,9 +310,9 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
 
     @app.post("/api/prepare", status_code=204)
     async def prepare(request: PlanRequest) -> None:
-        """Make land and currents of a voyage ready, if nothing else is at work: it may be planned.
+        """Fetch land and currents of a voyage that may be planned soon, if nothing else is at work.
 
-        Nothing is planned, and nothing is told of it.
+        Nothing is planned or reported.
         """
         plans.prepare(await asyncio.to_thread(request.options, files))
 
@@ -242,7 +338,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
 
 
 def _unknown() -> Response:
-    """Return the answer to who asks for a plan that is not known."""
+    """Return the answer where a plan is not known."""
     return refused(404, "there is no such plan; the server keeps the latest ones only")
 
 
@@ -258,7 +354,7 @@ def _brief(plan: AskedPlan) -> dict[str, Any]:
 
 
 def told(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
-    """Return all that is known of a plan."""
+    """Return how a plan goes, and its results."""
     return {
         **_brief(plan),
         "command": plans.command(plan),
@@ -275,7 +371,7 @@ def told(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
 
 
 def _add_results(app: FastAPI, plans: Plans) -> None:
-    """Serve the files of plans that ended; their names are known, and nothing else is opened."""
+    """Serve the files of plans that ended, by their known names; nothing else is opened."""
 
     @app.get("/api/plan/{identity}/files/{name}", response_model=None)
     async def one_file(identity: _Identity, name: str) -> Response:
@@ -304,7 +400,7 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
 
     @app.get("/plan/{identity}/report.html", include_in_schema=False, response_model=None)
     async def report(identity: _Identity) -> Response:
-        """Show a plan's report, shut in: its scripts reach nothing of this server."""
+        """Show a plan's report; its scripts can ask nothing of this server."""
         found, headers = _files(plans, identity, "report.html"), {_POLICY: REPORT_POLICY}
         return FileResponse(found[0], headers=headers) if found else refused(*_GONE)
 
@@ -319,12 +415,12 @@ def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
 
 
 def _add_given(app: FastAPI, files: GivenFiles) -> None:
-    """Take files: currents, charts, depths, areas, constants of the tide."""
+    """Receive files: currents, charts, depths, areas, constants of the tide."""
 
     @app.post(FILES, status_code=201)
     async def receive(request: Request, name: Annotated[str, Query(max_length=200)]) -> Any:  # noqa: ANN401 - JSON
         """Send a file as the body; the answer has the `id` by which a plan names it."""
         if int(request.headers.get("content-length", "0")) > MAX_FILE_BYTES:
             raise TooLargeError(too_large(name))
-        found = await files.receive(name, request.stream())
-        return {"id": found.id, "name": found.name, "size": found.size}
+        path = await files.receive(name, request.stream())
+        return {"id": path.parent.name, "name": path.name, "size": path.stat().st_size}

@@ -1,12 +1,12 @@
-"""Who may ask: this machine's own page or program, by the right name, with the key.
+"""The guard: only this machine's own page or program, with the server's token, is answered.
 
-Every request passes here first. What fails reaches neither a file nor a plan:
+Every request passes here first. A request that is refused reaches neither a file nor a plan:
 
 - the Host must be the server's own (a foreign name that resolves to 127.0.0.1 is refused: 421);
 - a request from another page, which names its Origin or its site, is refused: 403;
 - the first address holds a token, which is exchanged for a cookie that scripts can't read and other
   sites can't send; a program sends the token as `Authorization: Bearer`. Without: 401;
-- a body is at most 1 MB, except that of a file: 413.
+- a body tells its length (411), and is at most 1 MB (413), except that of a file.
 """
 
 import secrets
@@ -77,7 +77,7 @@ class Keys:
 
 
 def _is_same(given: str, key: str) -> bool:
-    """Compare in a time that tells nothing of the key."""
+    """Compare two keys in a time that does not depend on where they differ."""
     return secrets.compare_digest(given.encode(), key.encode())
 
 
@@ -104,13 +104,11 @@ class Guard:
         refusal = self._refusal(scope)
         if refusal is not None:
             await refusal(scope, receive, say)
-        elif scope["path"] == FILES:
-            await self._app(scope, receive, say)
         else:
-            await self._with_body(scope, receive, say)
+            await self._app(scope, receive, say)
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """Return the answer to a request that is not let through, or to the first one."""
+        """Return a refusal, or the cookie for the first address; None lets the request through."""
         headers = Headers(scope=scope)
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0] not in self._keys.hosts:
@@ -128,7 +126,7 @@ class Guard:
             return refused(
                 401, "no token: open the address that `renew serve` printed, or send its token"
             )
-        return None
+        return None if scope["path"] == FILES else _refused_body(headers)
 
     def _exchanged(self, query: bytes) -> Response:
         """Return a cookie in exchange for the token of the first address."""
@@ -141,43 +139,20 @@ class Guard:
         )
         return answer
 
-    async def _with_body(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on with a body that is not too long."""
-        body = await _body(Headers(scope=scope), receive)
-        if body is None:
-            text = f"the body is longer than {MAX_BODY_BYTES:,} bytes; send files to {FILES}"
-            await refused(413, text)(scope, receive, send)
-            return
-        is_read = False
 
-        async def read() -> Message:
-            nonlocal is_read
-            if is_read:
-                return await receive()  # until the client leaves
-            is_read = True
-            return {"type": "http.request", "body": body, "more_body": False}
-
-        await self._app(scope, read, send)
-
-
-async def _body(headers: Headers, receive: Receive) -> bytes | None:
-    """Read a body; return None as soon as it is too long."""
+def _refused_body(headers: Headers) -> Response | None:
+    """Refuse a body that is too long, or without its length; the HTTP server reads no more."""
     length = headers.get("content-length", "0")
-    if not length.isdecimal() or int(length) > MAX_BODY_BYTES:
-        return None
-    parts, size, more = [], 0, True
-    while more:
-        message = await receive()
-        parts.append(message.get("body", b""))
-        size += len(parts[-1])
-        if size > MAX_BODY_BYTES:
-            return None
-        more = message.get("more_body", False)
-    return b"".join(parts)
+    if "transfer-encoding" in headers or not length.isdecimal():
+        return refused(411, "send the length of the body, as content-length")
+    if int(length) > MAX_BODY_BYTES:
+        text = f"the body is longer than {MAX_BODY_BYTES:,} bytes; send files to {FILES}"
+        return refused(413, text)
+    return None
 
 
 def _with_defaults(headers: Iterable[tuple[bytes, bytes]]) -> Iterable[tuple[bytes, bytes]]:
-    """Return an answer's headers with those of every answer that it has not set itself."""
+    """Yield an answer's own headers, and those of every answer that it did not set itself."""
     own = list(headers)
     names = {name.lower() for name, _ in own}
     yield from own

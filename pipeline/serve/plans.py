@@ -1,18 +1,262 @@
-"""The plans of a server: asked for, waiting, at work, and ended; they outlive the page."""
+"""The plans of a server, and what a page or a program may ask for.
+
+A request has the options of `renew go`, but never a path: files that it gives are streamed to the
+disk, and only workers open them. Plans wait, are at work, or have ended; they outlive the page.
+"""
 
 import asyncio
 import contextlib
+import hashlib
 import json
+import re
+import shlex
 import time
 import uuid
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pipeline.errors import PipelineError, StageError
-from pipeline.serve.request import PlanRequest, command_line
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+from pipeline.errors import Faults, PipelineError, RequestError, StageError
+from pipeline.machine.files import write_whole, writing
+from pipeline.scenario import catalogue
 from pipeline.serve.worker import ServingWorker
+from pipeline.voyage.request import VoyageRequest
+from pipeline.voyage.table import Option, help_text, options, spelling
+
+MAX_FILE_BYTES = 500_000_000
+"""Largest file that is taken; larger ones are given to `renew go` by their path."""
+# Largest size of all files that a server takes, bytes.
+_MAX_ALL_BYTES = 4_000_000_000
+# A name without any part of a path, and with nothing that a shell or a terminal would act on.
+_NAME = re.compile(r"\w[\w()+,=@. -]{0,99}", re.ASCII)
+# Length of a file's id: so many hexadecimal digits of the SHA-256 of its content and name.
+_ID_DIGITS = 16
+# Largest number of drawn areas: more are given to the command line as a file.
+_MAX_AREAS = 50
+# Largest number of corners of all drawn areas.
+_MAX_CORNERS = 5_000
+ASKED = tuple(option for option in options(VoyageRequest) if not option.is_of_run)
+"""The options that a page may ask for."""
+
+_Text = Annotated[str, Field(max_length=200)]
+# A name of the catalogue, or what the server called a file that it was given.
+_Source = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+_Corner = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-90, le=90)]]
+
+
+class TooLargeError(RequestError):
+    """A file is too large."""
+
+
+class GivenFiles:
+    """The files that a server was given, each in a folder below `folder` whose name is its id.
+
+    The same content with the same name is the same file, today and tomorrow.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._files: dict[str, Path] = {}
+        self._bytes = 0  # of all files
+
+    def path(self, name: str, key: str) -> Path:
+        """Return the path of a file by its id; `key` says who names it.
+
+        Raises
+        ------
+        RequestError
+            The server was not given such a file.
+        """
+        if name not in self._files:
+            raise RequestError(
+                f"{key} = {name!r} is neither in the catalogue nor a file that this server was "
+                "given; send the file to /api/files first, and name it by its id"
+            )
+        return self._files[name]
+
+    def keep(self, content: bytes, name: str) -> Path:
+        """Keep a file of our own making."""
+        path = self._path_of(hashlib.sha256(content), name)
+        with writing(self._folder):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, content.decode())
+        return self._files.setdefault(path.parent.name, path)
+
+    async def receive(self, name: str, chunks: AsyncIterator[bytes]) -> Path:
+        """Write a file to the disk as it comes; return its path.
+
+        Raises
+        ------
+        RequestError
+            The name has parts of a path, or the file is empty; TooLargeError if it, or all files
+            together, are too large. Nothing is left of it.
+        StageError
+            The disk refuses.
+        """
+        if not _NAME.fullmatch(name):
+            raise RequestError(
+                f"name = {name[:100]!r} can't be the name of a file here: use up to 100 letters, "
+                "digits, spaces and . _ - ( ) + , = @, no folder, and begin with a letter or digit"
+            )
+        unfinished = self._folder / f"{uuid.uuid4().hex}.part"
+        try:
+            with writing(self._folder):
+                path = await self._written(unfinished, name, chunks)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                unfinished.replace(path)
+        finally:
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+        return self._files.setdefault(path.parent.name, path)
+
+    async def _written(self, unfinished: Path, name: str, chunks: AsyncIterator[bytes]) -> Path:
+        """Write an unfinished file; return the path that it gets when it is complete."""
+        digest, size = hashlib.sha256(), 0
+        unfinished.parent.mkdir(parents=True, exist_ok=True)
+        with unfinished.open("xb") as file:
+            async for chunk in chunks:
+                size += len(chunk)
+                if size > MAX_FILE_BYTES:
+                    raise TooLargeError(too_large(name))
+                if self._bytes + size > _MAX_ALL_BYTES:
+                    raise TooLargeError(
+                        f"{name}: no room is left; this server takes {_MAX_ALL_BYTES:,} bytes in "
+                        "all; start it again"
+                    )
+                digest.update(chunk)
+                file.write(chunk)
+        if not size:
+            raise RequestError(f"{name} is empty; give a file with content")
+        path = self._path_of(digest, name)
+        self._bytes += size if path.parent.name not in self._files else 0
+        return path
+
+    def _path_of(self, digest: "hashlib._Hash", name: str) -> Path:
+        """Return the path of the file with a content; its id depends on its name as well."""
+        digest.update(b"\0" + name.encode())
+        return self._folder / digest.hexdigest()[:_ID_DIGITS] / name
+
+
+def too_large(name: str) -> str:
+    """Say that a file is too large."""
+    return (
+        f"{name} is larger than {MAX_FILE_BYTES:,} bytes; cut it to the region, or give its path "
+        "to `renew go` on the command line"
+    )
+
+
+class _DrawnAreas(BaseModel):
+    """A voyage: each key is an option of `renew go`, as text.
+
+    Files are named by the `id` that the server gave them; a path is refused.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    areas: tuple[Annotated[tuple[_Corner, ...], Field(min_length=3)], ...] = Field(
+        default=(), max_length=_MAX_AREAS, description="Shut areas: rings of lon, lat, degrees."
+    )
+
+    def options(self, files: GivenFiles) -> dict[str, Any]:
+        """Return what was asked by the names of options, with paths, as text, in place of ids.
+
+        Raises
+        ------
+        RequestError
+            A line for each vessel, source or file that is not known.
+        """
+        faults = Faults()
+        if sum(map(len, self.areas)) > _MAX_CORNERS:
+            faults.lines.append(
+                f"areas have more than {_MAX_CORNERS:,} corners; give them as a file, in avoid"
+            )
+
+        def named(option: Option, text: str) -> str:
+            if text in known[option.key]:
+                return text
+            if option.key == "vessel":
+                faults.lines.append(
+                    f"vessel = {text!r} is not in the catalogue ({', '.join(known[option.key])}); "
+                    "choose one, or give speed, length and turning_circle"
+                )
+                return ""
+            return faults.collect(lambda: str(files.path(text, option.key))) or ""
+
+        known = {
+            option.key: catalogue.choices(option.section) if option.section else ()
+            for option in ASKED
+        }
+        given: dict[str, Any] = {}
+        for option in ASKED:
+            value = getattr(self, option.key)
+            if value and (option.kind in {"source", "file"} or option.section):
+                texts = value if option.most else [value]
+                paths = [named(option, text) for text in texts]
+                value = paths if option.most else paths[0]
+            given[option.key] = list(value) if option.most else value
+        if faults.lines:
+            raise RequestError(faults.lines)
+        if self.areas:
+            given["avoid"].append(str(files.keep(_geojson(self.areas), "areas.geojson")))
+        return given
+
+
+def _field(option: Option) -> tuple[Any, Any]:
+    """Return the type and the field of an option in JSON."""
+    kind: Any = _Source if option.kind in {"source", "file"} else _Text
+    text = help_text(option, spelling(VoyageRequest, "page"))
+    if option.kind == "flag":
+        return bool, Field(default=False, description=text)
+    if option.most:
+        return tuple[kind, ...], Field(default=(), max_length=option.most, description=text)
+    if option.is_required:
+        return kind, Field(description=text, examples=[option.example])
+    if option.kind == "file":
+        return kind | None, Field(default=None, description=text)
+    return kind, Field(default="", description=text)
+
+
+if TYPE_CHECKING:
+    PlanRequest = _DrawnAreas
+else:
+    PlanRequest = create_model(
+        "PlanRequest",
+        __base__=_DrawnAreas,
+        __doc__=_DrawnAreas.__doc__,
+        **{option.key: _field(option) for option in ASKED},
+    )
+
+
+def _geojson(areas: tuple[tuple[_Corner, ...], ...]) -> bytes:
+    """Return drawn areas as a file that `renew go --avoid` reads."""
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"name": f"drawn area {number}"},
+            "geometry": {"type": "Polygon", "coordinates": [[*ring, ring[0]]]},
+        }
+        for number, ring in enumerate(areas, start=1)
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": features}).encode()
+
+
+def command_line(given: Mapping[str, Any], name: str, output: Path, *, offline: bool) -> str:
+    """Return the command that plans the same, to be typed in a shell."""
+    asked = {**given, "name": name, "output": output, "offline": offline}
+    typed = [
+        word
+        for option in options(VoyageRequest)
+        if option.group
+        for word in option.words(asked.get(option.key))
+    ]
+    # After "--" nothing is an option: a longitude may begin with a minus.
+    return shlex.join(["renew", "go", *typed, "--", given["start"], given["goal"]])
+
+
+# --- plans ---
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
@@ -32,12 +276,12 @@ _PREPARING = "preparing"
 
 
 class FullQueueError(StageError):
-    """So many plans wait that no other is taken."""
+    """Too many plans wait to take another one."""
 
 
 @dataclass
 class AskedPlan:
-    """A plan: what was asked, and what is known of it so far.
+    """A plan: its request, and how far it has come.
 
     `stages` are those begun, in order; `detail` is what happens in the last. `drafts` are the ways
     found while it is planned, and `sides` its routes, before its `files` are written.
@@ -119,7 +363,7 @@ class Plans:
             (ServingWorker(memory_bytes), ServingWorker(memory_bytes)) for _ in range(workers)
         ]
         self._plans: dict[str, AskedPlan] = {}
-        # None asks for the voyage in `_ahead` to be prepared.
+        # Plans in their order; None stands for preparing the voyage in `_ahead`.
         self._waiting: asyncio.Queue[AskedPlan | None] = asyncio.Queue()
         self._ahead: Mapping[str, Any] | None = None
         self._work: dict[str, asyncio.Task[None]] = {}
@@ -138,7 +382,7 @@ class Plans:
                 worker.kill()
 
     def add(self, request: PlanRequest, options: Mapping[str, Any]) -> AskedPlan:
-        """Return a new plan, or that of the same options unless it failed.
+        """Add a plan and return it; return an earlier one of the same options unless it failed.
 
         Raises
         ------
@@ -221,7 +465,7 @@ class Plans:
                 starting = asyncio.create_task(self._started(spare))
 
     async def _started(self, worker: ServingWorker) -> None:
-        """Start a worker; if that fails, the plan that needs it tries again, and tells why."""
+        """Start a worker; if that fails, the plan that needs it tries again, and reports why."""
         with contextlib.suppress(PipelineError):
             await worker.start()
 
@@ -243,12 +487,12 @@ class Plans:
 
     async def _prepare(self, worker: ServingWorker) -> None:
         """Prepare a voyage with a worker."""
-        assert self._ahead is not None  # noqa: S101 - asked for
+        assert self._ahead is not None  # noqa: S101 - None was taken from the queue for it
         try:
             async for _ in worker.plan(self._asked(self._ahead, prepares=True), self._limit_s):
                 pass
         except PipelineError:
-            pass  # the plan tells it
+            pass  # the voyage's own plan reports it
         except asyncio.CancelledError:
             worker.kill()
             raise

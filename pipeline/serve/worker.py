@@ -1,7 +1,7 @@
 """The workers of a server: started ahead, killed when a plan takes too long, and started again.
 
-A worker process loads everything first, then plans voyage after voyage, and tells what the page
-shows of them. It opens the files that the page was given, so it has a limit of memory, and the
+A worker process loads all libraries first, then plans voyage after voyage, and sends the events
+that the page shows. It opens the files that the page was given, so its memory is limited, and the
 server kills it when a plan takes too long or is cancelled.
 """
 
@@ -33,12 +33,12 @@ from pipeline.voyage.one_line import run_voyage, voyage_scenario
 from pipeline.voyage.request import VoyageRequest, read_voyage
 from pipeline.write import load_libraries
 from renew._compiled import is_cold
+from renew.results import Step
 from renew.warming import rehearse_half
-from renew.watching import Step
 
 # Plans after which a worker is replaced, so that memory that libraries leak stays bounded.
 _MAX_PLANS = 50
-# What is said of each kind of step of a plan.
+# Words for each kind of step of a plan.
 _STEPS = {
     "class": "another way round",
     "padding": "padding grows, for room to turn",
@@ -113,7 +113,7 @@ class ServingWorker:
         self._worker.kill()
 
     async def _event(self) -> dict[str, Any]:
-        """Wait for the next event that the process tells; what its calls return is nothing."""
+        """Wait for the next event of the process; its calls return nothing."""
         while True:
             await _readable(self._worker.pipe.fileno())
             try:
@@ -145,7 +145,7 @@ async def _readable(descriptor: int) -> None:
 
 
 def get_ready() -> None:
-    """Load everything, tell so, and load the machine code while no voyage waits."""
+    """Load all libraries, send "ready", and load the machine code while no voyage waits."""
     with seldom_collecting():
         load_libraries()
         _tell({"event": "ready"})
@@ -155,10 +155,10 @@ def get_ready() -> None:
 
 
 def answer_request(asked: Mapping[str, Any]) -> None:
-    """Plan or prepare the voyage of a request, and tell how it goes."""
+    """Plan or prepare the voyage of a request, and send events on its progress."""
     with seldom_collecting():
         if asked["prepares"]:
-            with contextlib.suppress(Exception):  # what fails is told by the voyage's own plan
+            with contextlib.suppress(Exception):  # the voyage's own plan reports what fails
                 request, scenario, _ = _scenario(asked)
                 require_sailable(scenario)
                 prepare(scenario, request.output, offline=request.offline)
@@ -170,7 +170,7 @@ def answer_request(asked: Mapping[str, Any]) -> None:
 
 
 def _plan(asked: Mapping[str, Any]) -> None:
-    """Plan a voyage as `renew go` does, and tell how it goes."""
+    """Plan a voyage as `renew go` does, and send events on its progress."""
     try:
         request, scenario, notes = _scenario(asked)
         _tell({"event": "scenario", "name": scenario.name, "title": scenario.title})
@@ -197,7 +197,7 @@ def _plan(asked: Mapping[str, Any]) -> None:
 def _scenario(
     asked: Mapping[str, Any],
 ) -> tuple[VoyageRequest, Scenario, tuple[str, ...]]:
-    """Return a voyage that was asked for, its scenario, and notes.
+    """Return the request of a voyage, its scenario, and notes.
 
     A hash is added to its name, so that the results of one request never replace those of another.
     """
@@ -211,12 +211,12 @@ def _scenario(
 
 
 def _tell(fields: Mapping[str, Any]) -> None:
-    """Tell an event, in the values of JSON."""
+    """Send an event to the server, in the values of JSON."""
     tell(json_value(dict(fields)))
 
 
 def _tell_event(event: Event) -> None:
-    """Tell an event of a run."""
+    """Send an event of a run."""
     _tell(
         {
             "event": "progress",
@@ -229,7 +229,7 @@ def _tell_event(event: Event) -> None:
 
 
 def _tell_step(_case: object, step: Step) -> None:
-    """Tell a step of a plan."""
+    """Send a step of a plan."""
     line = None if step.path is None else drawn(step.path)
     _tell({"event": "step", "detail": _STEPS[step.kind], "line": line})
 

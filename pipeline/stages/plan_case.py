@@ -22,7 +22,7 @@ from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
 from renew.errors import Duration, Text, TooLateError
 from renew.request import Request
-from renew.watching import Step, watched
+from renew.results import Step, watched
 
 OnStep = Callable[[str, Step], None]
 """Called with a case's name and a step of its plan, in the thread that plans."""

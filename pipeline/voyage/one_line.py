@@ -2,13 +2,11 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import RequestError
-from pipeline.findings.result import RunResult
 from pipeline.findings.text import moment_text
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
@@ -16,20 +14,18 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import asked_currents, parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season, departure_name, period
+from pipeline.scenario.strict import validated
 from pipeline.sources.registry import current_source
-from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.readers import (
     Position,
-    VesselFigures,
     continued,
     joined,
     spelled,
-    vessel_of_figures,
     voyage_name,
 )
-from pipeline.voyage.request import VoyageRequest, faults_of_pairs
-from pipeline.voyage.table import help_text, options, read, spelling
+from pipeline.voyage.request import VoyageRequest, read_voyage
+from pipeline.voyage.table import help_text, options, spelling
 
 # Datasets of the service with monthly means, the best first; the first that has the month is used.
 _SERVICE = (
@@ -49,18 +45,24 @@ _PROVEN_SHARE = 1 / 48
 # or to this time, if that is shorter.
 _MAX_PROVEN = timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
+# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
+# hulls, because its engine is not known.
+_FUEL_EXPONENT = 3.0
 
 
 def go(
     start: str | tuple[float, float],
     goal: str | tuple[float, float],
     *,
-    vessel: str | VesselSpec | VesselFigures,
+    vessel: str | VesselSpec | None = None,
+    speed: str | tuple[float, float] = "",
+    length: str = "",
+    turning_circle: str = "",
+    draught: str = "",
     months: Sequence[str] = (),
     depart: datetime | None = None,
     until: datetime | None = None,
     arrive_by: datetime | None = None,
-    speeds_m_s: tuple[float, float] | None = None,
     currents: Sequence[str | Path] = (),
     via: Sequence[str | tuple[float, float]] = (),
     avoid: Sequence[Path] = (),
@@ -83,8 +85,7 @@ def go(
     """Plan a voyage and write its results to `output/<name>/`, as `renew go` does.
 
     Positions are texts, or (lon, lat) in degrees; times have a zone. `vessel` may also be a
-    `VesselSpec`, or `VesselFigures` in place of the figures that the command line takes.
-    `speeds_m_s` are the lowest and the highest speed through water, in place of the vessel's.
+    `VesselSpec`. A range of speeds may also be a pair in m/s.
 
     Parameters
     ----------
@@ -99,15 +100,7 @@ def go(
     StageError
         The voyage can't be planned for another reason, or the results can't be written.
     """
-    given = dict(locals())
-    at = spelling(VoyageRequest, "python")
-    if isinstance(vessel, VesselFigures):
-        given |= {"vessel": None, **vars(vessel)}
-        at.speed = "VesselFigures.speed"
-    if speeds_m_s is not None:
-        given["speed"] = speeds_m_s
-        at.speed = "speeds_m_s"
-    request = read(VoyageRequest, given, at, faults_of_pairs)
+    request = read_voyage(dict(locals()), "python")
     scenario, notes = voyage_scenario(request)
     on_event = on_event or ignore
     for note in notes:
@@ -118,43 +111,24 @@ def go(
 def _parameters() -> str:
     """Return the section of `go`'s docstring on its arguments, from the table of options."""
     at = spelling(VoyageRequest, "python")
-    arguments: dict[str, list[str]] = {}
-    for one in options(VoyageRequest):
-        text = textwrap.fill(help_text(one, at), 88)
-        argument = (
-            "vessel" if one.argument.startswith(VesselFigures.__name__) else getattr(at, one.field)
-        )
-        arguments.setdefault(argument, []).append(text)
     return "\n".join(
-        f"{argument}\n{textwrap.indent(chr(10).join(texts), '    ')}"
-        for argument, texts in arguments.items()
+        f"{option.field}\n{textwrap.indent(textwrap.fill(help_text(option, at), 88), '    ')}"
+        for option in options(VoyageRequest)
     )
 
 
 go.__doc__ = str(go.__doc__).replace("    {parameters}", textwrap.indent(_parameters(), "    "))
 
 
-def run_voyage(
-    request: VoyageRequest,
-    scenario: Scenario,
-    *,
-    said: Sequence[str],
-    on_event: EventHandler,
-    on_step: OnStep = ignore_step,
-    on_result: Callable[[RunResult], None] | None = None,
-) -> Outcome:
-    """Run a voyage's scenario, after a quick check of its currents and its stops."""
+def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:  # noqa: ANN401 - see `run`
+    """Run a voyage's scenario, after a quick check of its currents and its stops.
+
+    `reports` are the arguments of `pipeline.run.run` that report the run: `said`, `on_event`,
+    `on_step` and `on_result`.
+    """
     require_sailable(scenario)
-    return run(
-        scenario,
-        request.output,
-        offline=request.offline,
-        strict=request.strict,
-        on_event=on_event,
-        on_step=on_step,
-        on_result=on_result,
-        said=said,
-    )
+    offline, strict = request.offline, request.strict
+    return run(scenario, request.output, offline=offline, strict=strict, **reports)
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
@@ -167,6 +141,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     """
     start, goal = joined(request.start, request.goal)
     via = tuple(continued(point, start.lon) for point in request.via)
+    members = _given(members=request.members)
+    clearance_m = request.clearance_m
     data: dict[str, Any] = {
         "schema_version": 1,
         "name": request.name or voyage_name(start, goal),
@@ -174,21 +150,16 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "vessel": _vessel(request).model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
-        "seasons": [
-            season | ({"members": request.members} if request.members else {})
-            for season in _seasons(request, (start, goal))
-        ],
-        **_tables_of_files(request),
-    }
-    if via:
-        data["via"] = [
+        "via": [
             {"at": [point.lon, point.lat], "wait": point.wait}
             if point.wait
             else [point.lon, point.lat]
             for point in via
-        ]
-    if request.clearance_m is not None:
-        data["planner"] = {"clearance": request.clearance_m}
+        ],
+        "seasons": [season | members for season in _seasons(request, (start, goal))],
+        "planner": {} if clearance_m is None else {"clearance": clearance_m},
+        **_tables_of_files(request),
+    }
     scenario = parse_scenario(data)
     places = (start, goal, *via)
     doubtful = [(place.lon, place.lat) for place in places if place.either_order]
@@ -205,36 +176,46 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:
-    """Return the requested vessel; a turning circle is given for the highest speed."""
-    speed = request.speed[1] if isinstance(request.speed, tuple) else request.speed
+    """Return the requested vessel, by its name or its figures.
+
+    Its turn rate is its highest speed divided by the radius of its turning circle.
+    """
     if request.vessel is not None:
         return request.vessel
-    if speed is None or request.length is None or request.turning_circle is None:
-        raise RequestError("no vessel, and its speed, length or turning circle is missing")
-    return vessel_of_figures(speed, request.length, request.turning_circle, request.draught)
+    speed = request.speed[1] if isinstance(request.speed, tuple) else request.speed
+    circle_m = request.turning_circle
+    assert speed is not None  # noqa: S101 - a request without a vessel has its figures
+    assert circle_m is not None  # noqa: S101
+    figures = {
+        "speed_m_s": speed,
+        "length_m": request.length,
+        "draught_m": request.draught,
+        "turn_rate_deg_s": math.degrees(speed / (circle_m / 2)),
+        "fuel_exponent": _FUEL_EXPONENT,
+        "origin": f"Figures of the request; turning circle {circle_m:g} m; propeller law",
+    }
+    return validated(VesselSpec, figures)
+
+
+def _given(**entries: object) -> dict[str, Any]:
+    """Return the entries of a table that are not empty."""
+    return {key: entry for key, entry in entries.items() if entry}
 
 
 def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
     """Return the tables of a scenario that name files: chart, areas to avoid, havens and tide."""
-    data: dict[str, Any] = {}
-    chart: dict[str, Any] = {}
-    if request.charts is not None:
-        chart["source"] = {"path": str(request.charts)}
-    if request.depths is not None:
-        chart["depths"] = str(request.depths)
-    if request.datum:
-        chart["datum"] = request.datum
-    if chart:
-        data["chart"] = chart
-    if request.avoid:
-        data["avoid"] = [{"path": str(path)} for path in request.avoid]
-    if request.havens is not None:
-        limits = {"within": request.within, "endurance": request.endurance}
-        given = {key: limit for key, limit in limits.items() if limit}
-        data["havens"] = {"path": str(request.havens), **given}
-    if request.tide:
-        data["tide"] = {"stations": list(request.tide)}
-    return data
+    chart = _given(
+        source=request.charts and {"path": str(request.charts)},
+        depths=request.depths and str(request.depths),
+        datum=request.datum,
+    )
+    limits = _given(within=request.within, endurance=request.endurance)
+    return _given(
+        chart=chart,
+        avoid=[{"path": str(path)} for path in request.avoid],
+        havens=request.havens and {"path": str(request.havens), **limits},
+        tide=request.tide and {"stations": list(request.tide)},
+    )
 
 
 def _seasons(request: VoyageRequest, ends: tuple[Position, Position]) -> Iterator[dict[str, Any]]:
@@ -258,10 +239,9 @@ def _seasons(request: VoyageRequest, ends: tuple[Position, Position]) -> Iterato
 
 def _passage(request: VoyageRequest) -> dict[str, Any]:
     """Return the keys of a season for departure, latest arrival and speeds."""
-    passage: dict[str, Any] = {"departure": request.depart, "arrive_by": request.arrive_by}
-    if isinstance(request.speed, tuple):
-        passage["speed"] = dict(zip(("least", "most"), request.speed, strict=True))
-    return {key: value for key, value in passage.items() if value is not None}
+    least, most = request.speed if isinstance(request.speed, tuple) else (None, None)
+    speed = _given(least=least, most=most)
+    return _given(departure=request.depart, arrive_by=request.arrive_by, speed=speed)
 
 
 def _window(request: VoyageRequest) -> dict[str, Any]:

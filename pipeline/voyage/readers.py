@@ -5,7 +5,6 @@ reason and the remedy. Positions are read as people write them: in decimals or m
 or W before or after.
 """
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -407,66 +406,19 @@ def read_name(text: str) -> str:
 
 
 def read_vessel(given: "str | VesselSpec") -> "VesselSpec":
-    """Read a vessel by its name in the catalogue, or by the path of its file."""
+    """Read a vessel by its name in the catalogue, or by the path of a file with a vessel's keys."""
     from pipeline.scenario import catalogue
     from pipeline.scenario.strict import looks_like_path, near_miss
 
     if not isinstance(given, str):
         return given
     if looks_like_path(given):
-        return refusing(lambda: _vessel_in_file(given))
+        file = refusing(lambda: expanded(given, ""))
+        if reason := unreadable_reason(file):
+            raise ValueError(f"{given} {reason}; `renew show usv-7m` prints one")
+        return refusing(lambda: catalogue.vessel_in(file, given))
     known = catalogue.names("vessels")
     if given not in known:
         hint = "write a file as a path: './my-vessel.toml'"
         raise ValueError(f"{given!r} is not in the catalogue: {near_miss(given, known)}; {hint}")
     return catalogue.vessel(given)
-
-
-def _vessel_in_file(path: str) -> "VesselSpec":
-    """Return the vessel in a TOML file with the keys of a [vessel] table."""
-    from pipeline.scenario.catalogue import VesselSpec, read_toml
-    from pipeline.scenario.strict import validated
-
-    file = expanded(path, "")
-    if reason := unreadable_reason(file):
-        raise ValueError(f"{path} {reason}; `renew show usv-7m` prints one")
-    data = read_toml(file)
-    data.pop("schema_version", None)
-    return validated(VesselSpec, data, lambda line: f"{path}: {line}")
-
-
-@dataclass(frozen=True)
-class VesselFigures:
-    """A vessel's speed and dimensions as typed; "" stands for a value that was not given.
-
-    The turning circle is given by its diameter, as in a ship's trial manoeuvres.
-    """
-
-    speed: str = ""
-    length: str = ""
-    turning_circle: str = ""
-    draught: str = ""
-
-
-# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
-# hulls, because its engine is not known.
-_FUEL_EXPONENT = 3.0
-
-
-def vessel_of_figures(
-    speed_m_s: float, length_m: float, turning_circle_m: float, draught_m: float | None
-) -> "VesselSpec":
-    """Return the vessel given by figures; its turn rate is speed divided by turning radius."""
-    from pipeline.scenario.catalogue import VesselSpec
-    from pipeline.scenario.strict import validated
-
-    data = {
-        "speed_m_s": speed_m_s,
-        "length_m": length_m,
-        "turn_rate_deg_s": math.degrees(speed_m_s / (turning_circle_m / 2)),
-        "fuel_exponent": _FUEL_EXPONENT,
-        "origin": f"Figures of the request; turning circle {turning_circle_m:g} m; propeller law",
-    }
-    if draught_m is not None:
-        data["draught_m"] = draught_m
-    return validated(VesselSpec, data)

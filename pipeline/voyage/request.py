@@ -1,4 +1,4 @@
-"""A voyage as it is asked for: the one table of its options, and which of them go together."""
+"""The request of a voyage: the table of its options, and which of them go together."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -45,11 +45,9 @@ _vessel, _when, _water, _limits, _output = (
 _time = partial(_when, kind="time", read=zoned_time)
 
 
-# A pydantic model would do as well, but the command line is made from this table and has to start
-# without pydantic, which takes as long to load as all the rest.
 @dataclass(frozen=True, kw_only=True)
 class VoyageRequest:
-    """A voyage to plan; what is left out is None, and chosen. An option more is a field more.
+    """A voyage to plan. An option that is left out is None or empty, and the run chooses.
 
     Speeds are in m/s, lengths in m, times in UTC. `speed` is the vessel's, or the lowest and the
     highest to choose from. `turning_circle` is its diameter, as in a ship's trial manoeuvres.
@@ -88,7 +86,6 @@ class VoyageRequest:
         float | tuple[float, float] | None,
         _vessel(
             read=speed_or_range,
-            argument="speeds_m_s",
             example="12kn",
             help="Speed through water, such as 12kn or 6m/s, in place of {vessel}. Or a range, "
             "such as 4kn..9kn, also with {vessel}: the planner then chooses a speed for each leg, "
@@ -97,18 +94,12 @@ class VoyageRequest:
     ] = None
     length: Annotated[
         float | None,
-        _vessel(
-            read=dimension_m,
-            argument="VesselFigures.length",
-            example="90m",
-            help="Length of the vessel, as 90m, 300ft.",
-        ),
+        _vessel(read=dimension_m, example="90m", help="Length of the vessel, as 90m, 300ft."),
     ] = None
     turning_circle: Annotated[
         float | None,
         _vessel(
             read=dimension_m,
-            argument="VesselFigures.turning_circle",
             example="400m",
             help="Diameter of the turning circle, helm hard over, as 400m.",
         ),
@@ -117,7 +108,6 @@ class VoyageRequest:
         float | None,
         _vessel(
             read=dimension_m,
-            argument="VesselFigures.draught",
             example="4m; for depths",
             help="Draught, as 4m; charts with depths need it.",
         ),
@@ -296,12 +286,7 @@ class VoyageRequest:
         ),
     ] = False
     name: Annotated[
-        str,
-        _output(
-            read=read_name,
-            is_of_run=True,
-            help="Name of the folder of results.",
-        ),
+        str, _output(read=read_name, is_of_run=True, help="Name of the folder of results.")
     ] = ""
     output: Annotated[
         Path,
@@ -313,12 +298,7 @@ class VoyageRequest:
         ),
     ] = Path("outputs")
     offline: Annotated[
-        bool,
-        _water(
-            kind="flag",
-            is_of_run=True,
-            help="Use no source that needs the network.",
-        ),
+        bool, _water(kind="flag", is_of_run=True, help="Use no source that needs the network.")
     ] = False
     strict: Annotated[
         bool,
@@ -348,7 +328,7 @@ class VoyageRequest:
 
 
 def read_voyage(given: Mapping[str, Any], asker: Asker, known: Sequence[str] = ()) -> VoyageRequest:
-    """Read the options of a voyage as an asker gave them, by their names.
+    """Read the options of a voyage; the faults spell them as `asker` does.
 
     Raises
     ------

@@ -1,8 +1,9 @@
-"""Options as a table: a dataclass whose fields say what each means and where it is asked for.
+"""Tables of options: a dataclass whose fields are annotated with what is known of each option.
 
 The command line, the page's form with its HTTP interface, QGIS's tools and Python's functions are
-all made from the fields of one dataclass, and `read` turns what any of them was given into it. It
-is no pydantic model, because the command line is made from it and has to start without pydantic.
+made from the fields of one dataclass, and `read` makes an instance from what any of them was given.
+It is no pydantic model, because the command line is made from it and has to start without pydantic,
+which takes as long to load as all the rest.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,7 +16,7 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import folder_to_write
 
 Asker = Literal["command", "page", "python"]
-Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number", "count"]
+Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number"]
 CatalogueSection = Literal["scenarios", "vessels", "stations", "sources"]
 _Value = TypeVar("_Value")
 _Table = TypeVar("_Table")
@@ -44,14 +45,10 @@ class Option:
     name
         Its name on the command line and in JSON, if it is not the field's name, which is the
         argument in Python.
-    argument
-        What stands for it in Python, if that is another argument.
-    metavar, short
-        What stands for its value in the help of the command line, and its short name there.
+    metavar
+        What stands for its value in the help of the command line.
     most
-        Largest number of values; 0 for an option with one.
-    least, limit
-        Smallest and largest number.
+        Largest number of values; 0 for an option with option.
     section
         Section of the catalogue with the names to choose from.
     layer
@@ -70,12 +67,8 @@ class Option:
     read: Callable[[Any], Any] = lambda value: value
     kind: Kind = "text"
     name: str = ""
-    argument: str = ""
     metavar: str = ""
-    short: str = ""
     most: int = 0
-    least: float | None = None
-    limit: float | None = None
     section: CatalogueSection | Literal[""] = ""
     layer: Literal["", "polygon", "point"] = ""
     is_of_run: bool = False
@@ -99,35 +92,35 @@ class Option:
         """Return the option as an asker writes it: `--month`, 'Months' in a form, or months."""
         if asker == "command":
             return self.typed
-        return (self.argument or self.field) if asker == "python" else f"'{self.title}'"
+        return self.field if asker == "python" else f"'{self.title}'"
 
     def words(self, value: Any) -> list[str]:  # noqa: ANN401 - whatever the option takes
         """Return the option with its value as they are typed on the command line."""
         if self.kind == "flag":
             return [self.typed] if value else []
-        given = value if self.most else [value]
-        return [word for one in given or () if one for word in (self.typed, str(one))]
+        values = value if self.most else [value]
+        return [word for given in values or () if given for word in (self.typed, str(given))]
 
 
 def options(table: type[Any]) -> tuple[Option, ...]:
     """Return the options of a table in their order."""
-    found = []
-    for one in fields(table):
-        (known,) = table.__annotations__[one.name].__metadata__
-        is_required = one.default is MISSING
-        default = None if is_required else one.default
-        found.append(replace(known, field=one.name, default=default, is_required=is_required))
-    return tuple(found)
+    listed = []
+    for field in fields(table):
+        (option,) = table.__annotations__[field.name].__metadata__
+        is_required = field.default is MISSING
+        default = None if is_required else field.default
+        listed.append(replace(option, field=field.name, default=default, is_required=is_required))
+    return tuple(listed)
 
 
 def spelling(table: type[Any], asker: Asker) -> SimpleNamespace:
     """Return how an asker writes each option, by its field."""
-    return SimpleNamespace(**{one.field: one.spelled(asker) for one in options(table)})
+    return SimpleNamespace(**{option.field: option.spelled(asker) for option in options(table)})
 
 
-def help_text(one: Option, at: SimpleNamespace) -> str:
+def help_text(option: Option, at: SimpleNamespace) -> str:
     """Return what an option does, in an asker's spelling."""
-    return one.help.format_map(vars(at))
+    return option.help.format_map(vars(at))
 
 
 def read(
@@ -154,18 +147,18 @@ def read(
     asked: dict[str, Any] = {}
     values: dict[str, Any] = {}
     faults = [*known]
-    for one in options(table):
-        value = given.get(one.field, given.get(one.key))
-        if value is None or (value in ("", (), []) and not one.is_required):
+    for option in options(table):
+        value = given.get(option.field, given.get(option.key))
+        if value is None or (value in ("", (), []) and not option.is_required):
             continue
-        asked[one.field] = value
+        asked[option.field] = value
         try:
-            values[one.field] = one.read(value)
+            values[option.field] = option.read(value)
         except ValueError as error:
-            place = getattr(at, one.field)
+            place = getattr(at, option.field)
             lines = (str(line).lstrip() for line in error.args)
             faults += [f"{place}{'' if line.startswith(':') else ' '}{line}" for line in lines]
-    blank = {one.field: None for one in options(table)}
+    blank = {option.field: None for option in options(table)}
     faults += rules(SimpleNamespace(**blank | values), SimpleNamespace(**blank | asked), at)
     if faults:
         raise RequestError(faults)
@@ -204,18 +197,18 @@ def read_folder(path: str | Path) -> Path:
 
 
 def described(table: type[Any]) -> list[dict[str, Any]]:
-    """Return a table's options as JSON, for QGIS, whose Python can't import this one."""
+    """Return a table's options as JSON, for QGIS, whose Python can't import this option."""
     at = spelling(table, "page")
     return [
         {
-            "name": one.key,
-            "option": one.typed if one.group else "",
-            "kind": one.kind,
-            "label": one.title,
-            "help": help_text(one, at),
-            "several": bool(one.most),
-            "layer": one.layer,
+            "name": option.key,
+            "option": option.typed if option.group else "",
+            "kind": option.kind,
+            "label": option.title,
+            "help": help_text(option, at),
+            "several": bool(option.most),
+            "layer": option.layer,
         }
-        for one in options(table)
-        if not one.is_of_run
+        for option in options(table)
+        if not option.is_of_run
     ]

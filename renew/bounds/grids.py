@@ -20,7 +20,7 @@ import shapely
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.travel_time import TravelGrid
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.current import (
     CurrentField,
     GriddedCurrent,

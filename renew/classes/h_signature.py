@@ -23,7 +23,7 @@ import shapely
 
 from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart
 from renew.kernels.capsules import Segment
 from renew.kernels.current_table import number_up_to
 

@@ -21,7 +21,7 @@ from contourpy import FillType, contour_generator
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import GeometryError, ParameterError, UnreachableError
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart
 from renew.kernels.current_table import weakest_and_strongest
 from renew.voyage.voyage import Voyage
 

@@ -28,7 +28,7 @@ from renew.errors import (
     is_number,
     shown,
 )
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.tide import Tide
 
 # Time (s) ahead in which a message names the next hours of enough water: from one spring tide to

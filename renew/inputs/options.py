@@ -8,9 +8,8 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, as_floats, check_kind, is_finite, is_number, shown
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.openings import ShutArea, TidalDepth
-from renew.inputs.vessel import Vessel
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
 DistinctBy: TypeAlias = Literal["auto"] | float

@@ -22,8 +22,7 @@ from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError,
 from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
-from renew.results import Plan, Rejected, Route
-from renew.watching import Step, tell
+from renew.results import Plan, Rejected, Route, Step, tell
 
 # A variant is a channel of a class that passes a small island, one without a ray, on another side.
 # Number of variants that are searched.

@@ -31,12 +31,11 @@ from renew.planner.grow import (
 from renew.planner.hindrances import hours_along, hours_of, with_clearance
 from renew.planner.problem import Problem
 from renew.planner.sampled_paths import sampled_paths
-from renew.results import Route
+from renew.results import Route, Step, tell
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.turns.padding_model import PaddedEdges, PaddingModel, region_of
 from renew.turns.verification import passage_windows
 from renew.voyage.voyage import Voyage
-from renew.watching import Step, tell
 
 # Other attempts are made if a path needs this many times as much fuel after steering as before.
 _DEAR = 1.01

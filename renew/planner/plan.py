@@ -22,8 +22,8 @@ import shapely
 
 from renew._types import FloatArray
 from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
+from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.openings import Opening, polygons_of
-from renew.inputs.vessel import Vessel
 from renew.planner.classes import no_class_error, plan_classes
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import (

@@ -31,7 +31,7 @@ from renew.errors import (
     UnreachableError,
     ViaInNoGoError,
 )
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.current import CurrentField
 from renew.inputs.options import PlanOptions
 from renew.kernels.current_table import changes, overpowered_spells

@@ -19,8 +19,8 @@ import numpy as np
 from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError, TooSharpError
+from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.current import CurrentField
-from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import Capsules, legs_are_clear, wrapped
 from renew.kernels.ground_speed import ground_speed, sailing_at
 from renew.voyage.fuel import reading_times, speeds_along, times_under_way

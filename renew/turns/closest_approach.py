@@ -8,9 +8,9 @@ import shapely
 
 from renew._types import FloatArray
 from renew.errors import check_kind
+from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.options import check_seed
-from renew.inputs.vessel import Vessel
 from renew.results import Route
 from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, normals_away
 

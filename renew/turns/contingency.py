@@ -16,7 +16,7 @@ import shapely
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.errors import ParameterError, is_finite, shown
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import (
     CurrentField,
     CurrentLike,
@@ -25,7 +25,6 @@ from renew.inputs.current import (
     sample_statistics,
 )
 from renew.inputs.options import Drift, check_turns
-from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import CurrentTable, velocity
 from renew.turns.turn_reach import MAX_DEVIATIONS, TurnReach
 from renew.voyage.fuel import as_path, ground_speed, reading_times, speeds_along, speeds_by_leg

@@ -18,9 +18,9 @@ import shapely
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import Channel, Transition, Visits, surroundings
 from renew.classes.triangulation import Triangulation
+from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.current import CurrentField, CurrentStatistics
 from renew.inputs.options import PlanOptions
-from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
 from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, normals_away
 

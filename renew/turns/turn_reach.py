@@ -23,8 +23,8 @@ import numpy as np
 
 from renew._compiled import kernel, reading_kernel
 from renew._types import FloatArray, IntArray
+from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.current import CurrentStatistics
-from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import CurrentTable, same_axes, weakest_and_strongest
 
 HEADING_SPREAD = math.radians(20)

@@ -18,9 +18,8 @@ import numpy as np
 import shapely
 
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField, CurrentStatistics, TabulatedCurrent
-from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import (
     nearest_on_segments,
     segment_distance,

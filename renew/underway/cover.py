@@ -22,17 +22,23 @@ from renew.errors import (
     is_finite,
     shown,
 )
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentLike
 from renew.inputs.openings import Haven
 from renew.inputs.options import Changes, PlanOptions, check_objects
-from renew.inputs.vessel import Vessel
 from renew.planner.plan import planner_of
 from renew.planner.problem import off_water
 from renew.request import Request
 from renew.results import Route
-from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn
-from renew.underway.survey import SAMPLES, Survey
+from renew.underway.survey import (
+    SAMPLES,
+    ClassTurn,
+    Coverage,
+    Diversion,
+    EqualPoint,
+    LastTurn,
+    Survey,
+)
 
 # Share by which the time along a route may differ from its own in the current that is given.
 _SAME = 0.01

@@ -19,7 +19,7 @@ from renew.errors import (
     is_finite,
     shown,
 )
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.openings import Haven
 from renew.inputs.options import as_point

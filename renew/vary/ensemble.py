@@ -24,21 +24,21 @@ import numpy as np
 from renew._types import BoolArray, FloatArray
 from renew.bounds.fuel_lower_bound import FuelBound, fuel_lower_bound
 from renew.errors import InfeasibleError, Moment, ParameterError, is_finite, shown
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentLike
-from renew.inputs.members import Members, as_members
 from renew.inputs.openings import ShutArea
 from renew.inputs.options import Changes, PlanOptions, ViaPoints, check_objects
-from renew.inputs.vessel import Vessel
 from renew.planner.plan import finished, plan_request, planner_of
 from renew.request import Place, Request
 from renew.results import Plan, Route
-from renew.vary.statistics import (
+from renew.vary.members import (
     FEWEST,
     QUANTILES,
     STATISTICS,
     TAIL,
+    Members,
     Statistic,
+    as_members,
     statistic,
     surely_dearer,
     worst_weights,

@@ -8,7 +8,7 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, is_finite, shown
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentLike
 from renew.inputs.openings import ShutArea, TidalDepth
 from renew.inputs.options import (
@@ -19,7 +19,6 @@ from renew.inputs.options import (
     check_objects,
     is_one_of,
 )
-from renew.inputs.vessel import Vessel
 from renew.planner.plan import finished, plan_request
 from renew.planner.problem import check_departures
 from renew.request import Place, Request, Speeds, options_by_name

@@ -31,8 +31,8 @@ import numpy as np
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError, Moment, ParameterError, PlanningError
+from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.openings import Opening
-from renew.inputs.vessel import Vessel
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_by_clock
 from renew.paths.speed_profile import (

@@ -18,9 +18,9 @@ import shapely
 from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError, as_floats, check_kind, is_finite, shown
+from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.options import Drift, choice_faults
-from renew.inputs.vessel import Vessel
 from renew.kernels.ground_speed import ground_speed as made_along, ground_speeds, sailing_at
 
 # Composite Gauss-Legendre: four nodes on pieces of at most 1/256 of the path. On the published

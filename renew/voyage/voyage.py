@@ -10,11 +10,9 @@ import numpy as np
 
 from renew._compiled import for_kernels
 from renew._types import FloatArray
-from renew.inputs.chart import Chart
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField, TabulatedCurrent
-from renew.inputs.members import PooledCurrent
 from renew.inputs.options import Drift
-from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
 from renew.kernels.current_table import CurrentTable, changes
 from renew.kernels.ground_speed import Polar, choosing, made_good
@@ -47,6 +45,27 @@ class SpeedsByLeg:
 
 NO_CHOICE = SpeedsByLeg()
 """The vessel's own speed all the way."""
+
+
+@dataclass(frozen=True, eq=False)
+class PooledCurrent(CurrentField):
+    """The current of a plan, with a mean and spread that are taken over all members."""
+
+    lead: CurrentField
+    fields: tuple[CurrentField, ...]
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2) of the lead."""
+        return self.lead(points)
+
+    @property
+    def slice_times(self) -> FloatArray:
+        """Times (nt,), s, of the lead."""
+        return self.lead.slice_times
+
+    def samples(self, triangles: FloatArray, windows: FloatArray | None) -> FloatArray:
+        """Velocities (n, samples, 2), m/s, of every member in triangles and windows."""
+        return np.concatenate([one.samples(triangles, windows) for one in self.fields], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

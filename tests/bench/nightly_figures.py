@@ -34,20 +34,20 @@ _PLAIN = """
 import sys, time
 from pathlib import Path
 from pipeline.nightly.config import load_config
-from pipeline.nightly.cases import expand
-from pipeline.nightly.newest_currents import newest_currents
+from pipeline.nightly.cases import all_cases, expand
+from pipeline.nightly.currents import newest_currents
 from pipeline.nightly.cycles import Partial
 from pipeline.nightly.planning import Planning
 from pipeline.machine.store import Store
 from datetime import UTC, datetime
 config = load_config(Path(sys.argv[1]), Path(sys.argv[2]))
-cases = expand(config)
+blocks = expand(config)
+cases = list(all_cases(blocks))
 now = datetime.now(UTC)
-planning = Planning(cases, newest_currents(cases, now), Store(config.output / ".artefacts"),
-    Partial(config.output, now, {}), {}, 3.0, "", None, print, print)
+planning = Planning(cases, newest_currents(blocks, now), Store(config.output / ".artefacts"),
+    Partial(config.output, now, {}), {}, 3.0, "", config.output, print, print)
 half = int(sys.argv[3])
-own = [i for i in range(len(cases)) if i * 2 // len(cases) == half]
-batches = [planning._batch(i, i + 1) for i in own]
+batches = [planning._batch([one]) for one in cases if one.index * 2 // len(cases) == half]
 batches[0].make()
 begun, processor = time.perf_counter(), time.process_time()
 for batch in batches:
@@ -118,7 +118,7 @@ class _Peaks(NamedTuple):
 
 def _beside_plain(name: str, file: Path, output: Path, share: float) -> Iterator[Figure]:
     """Measure a night, and the same plans in two plain processes."""
-    count = len(expand(load_config(file, output)))
+    count = sum(block.size for block in expand(load_config(file, output)))
     took, peaks = _round(file, output)
     planned = sum(row["status"] == "planned" for row in rows(output))
     yield Figure(f"{name}: cases planned", f"{count}", f"{planned}", planned == count)

@@ -21,8 +21,7 @@ import renew
 from renew.inputs.options import DistinctBy
 from renew.planner.plan import planner_of
 from renew.request import Request
-from renew.results import unite_soft_no_go
-from renew.watching import Step, watched
+from renew.results import Step, unite_soft_no_go, watched
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre
 

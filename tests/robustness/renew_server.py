@@ -26,7 +26,12 @@ from tests.robustness.limits import limit_memory
 # What commands import when they need it.
 _LOADED = (
     *("dask.array", "distributed", "matplotlib.pyplot", "netCDF4", "pyogrio", "xarray", "zarr"),
-    *("pipeline.cli.main", "pipeline.cli.plot", "pipeline.nightly.night", "pipeline.run"),
+    *(
+        "pipeline.cli.main",
+        "pipeline.formats.figures.kinds",
+        "pipeline.nightly.night",
+        "pipeline.run",
+    ),
     *("pipeline.nightly.cases", "pipeline.voyage.one_line"),
 )
 # Without a word for longer than this, a run counts as hung, s.

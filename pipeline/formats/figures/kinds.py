@@ -1,12 +1,18 @@
-"""Kinds, widths and file types of a case's figures."""
+"""Kinds, widths and file types of a case's figures, and how they are drawn to files."""
 
+from collections.abc import Sequence
 from enum import StrEnum
+from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from pipeline.findings.names import safe_name
+from pipeline.machine.files import needed, whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pipeline.findings.result import RunCase
+    from pipeline.findings.result import RunCase, RunResult
 
 
 class Kind(StrEnum):
@@ -24,6 +30,66 @@ Form: TypeAlias = Literal["png", "svg", "pdf"]
 
 WIDTHS_PT: dict[Width, float] = {"column": 72 * 3.3, "page": 72 * 7.0}
 """Widths in points, 72 to an inch; on a screen each map has its own width."""
+
+# Resolution of PNG files, dots per inch.
+_DPI = 200
+# Metadata without dates, so that equal figures give identical files.
+_METADATA: dict[str, dict[str, str | None]] = {
+    "png": {"Software": None},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
+
+
+def draw(
+    result: "RunResult",
+    cases: Sequence["RunCase"],
+    folder: Path,
+    *,
+    kinds: Sequence[Kind] = (),
+    form: Form = "png",
+    width: Width = "screen",
+) -> list[Path]:
+    """Draw figures of cases to `folder/<case>-<figure>.<form>`; return the files.
+
+    Parameters
+    ----------
+    result, cases
+        The run's result, and those of its cases that are drawn; all have a route.
+    folder
+        Where the files are written; it is made if it does not exist.
+    kinds, form
+        The kinds of figures, all if empty; and the format of their files.
+    width
+        Width of a journal's column, of its page, or of a screen.
+
+    Raises
+    ------
+    StageError
+        The figures can't be written.
+    """
+    files = []
+    about = result.scenario.title or result.scenario.name
+    for case, kind in product(cases, [kind for kind in Kind if not kinds or kind in kinds]):
+        path = folder / f"{safe_name(case.name)}-{kind}.{form}"
+        _save(figure(case, kind, width), path, f"{about}, {case.title}: {kind}")
+        files.append(path)
+    return files
+
+
+def _save(drawing: "Figure", path: Path, title: str) -> None:
+    """Write a figure with its title under a temporary name, and rename the complete file."""
+    import matplotlib as mpl
+
+    form = path.suffix[1:]
+    remedy = "free some space, or choose another folder with --output"
+    with needed(f"plot: cannot write {path.name} to {path.parent}", remedy):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # Text stays text in PDF files; ids in SVG files depend only on the figure.
+        settings = mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "renew"})
+        with settings, whole_file(path) as file:
+            about = {**_METADATA[form], "Title": title}
+            drawing.savefig(file, format=form, dpi=_DPI, metadata=about)
 
 
 def figure(case: "RunCase", kind: Kind, width: Width = "screen") -> "Figure":

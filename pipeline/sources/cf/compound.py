@@ -24,7 +24,7 @@ from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files, name_of
 from pipeline.sources.cf.dataset import fatal_files, open_dataset
 from pipeline.sources.interpolation import bilinear
-from renew.vary.statistics import FEWEST, QUANTILES
+from renew.vary.members import FEWEST, QUANTILES
 
 # Least number of members that have a mean.
 _LEAST = 2

@@ -12,12 +12,11 @@ import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
-from pipeline.cli import plot as plot_module
 from pipeline.cli.main import app
-from pipeline.cli.plot import draw
 from pipeline.errors import StageError
 from pipeline.findings.names import output_directory
-from pipeline.formats.figures.kinds import Form, Kind
+from pipeline.formats.figures import kinds as plot_module
+from pipeline.formats.figures.kinds import Form, Kind, draw
 from pipeline.run import Event, EventHandler, planned_scenario, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import parse_scenario, scenario_text

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.machine.files import remove_leftovers, replacing
+from tests.commands import ended
 from tests.conftest import ROOT
 
 NAMES = ("manifest", "routes", "summer", "winter")
@@ -49,10 +49,9 @@ def put(target: Path, number: int, names: tuple[str, ...] = NAMES) -> None:
 
 def put_and_kill(target: Path, number: int, names: tuple[str, ...], last: int) -> int:
     """Number of the disk's operations, or 0 where the process was killed before the last."""
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, str(target), str(number), " ".join(names), str(last)],
-        capture_output=True, text=True, check=False, cwd=ROOT,
-    )  # fmt: skip
+    done = ended(
+        sys.executable, "-c", SCRIPT, str(target), str(number), " ".join(names), str(last), cwd=ROOT
+    )
     assert done.returncode in {0, -9}, done.stderr
     return 0 if done.returncode else int(done.stdout)
 

@@ -21,6 +21,7 @@ from typing import Any, Literal
 
 import pyarrow.parquet as pq
 
+from pipeline.nightly.cycles import rows_of_parts
 from tests.pipeline.nightly.nights import contents
 from tests.pipeline.processes import descendants, renew, started, wait_until
 
@@ -176,8 +177,8 @@ def workers_of(pid: int) -> set[int]:
 
 def cases_done(output: Path) -> int:
     """Return the number of cases in the parts of a cycle under way."""
-    names = [path.stem.split("-") for path in output.glob("*.partial/parts/*.part")]
-    return sum(int(end) - int(first) for first, end in names)
+    parts = [part for folder in output.glob("*.partial") for part in rows_of_parts(folder)]
+    return len({row["index"] for part in parts for row in part})
 
 
 def leftovers(output: Path) -> list[str]:

@@ -14,12 +14,15 @@ from pipeline.errors import RequestError
 from pipeline.findings.ensembles import ENSEMBLE_FIGURES, ensemble_figures, side_shares
 from pipeline.machine.store import load_artefact
 from pipeline.nightly.cases import expand
-from pipeline.nightly.charts import NightCurrent
 from pipeline.nightly.config import NightConfig, load_config
-from pipeline.nightly.forecasts import Forecasts
-from pipeline.nightly.newest_currents import newest_currents
+from pipeline.nightly.currents import (
+    ComeAgainError,
+    keep_forecasts,
+    kept_forecasts,
+    newest_currents,
+)
 from pipeline.nightly.night import run_night
-from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.worker import NightCurrent
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
 from tests.pipeline.nightly.nights import REFERENCE, plane_night, region_night, rows
@@ -70,7 +73,8 @@ def kept_night(folder: Path, members: str = "{}", departures: int = 1) -> NightC
 def keep(config: NightConfig, *, prune: bool = True) -> None:
     """Keep tonight's forecast, as a night does."""
     cases = expand(config)
-    Forecasts(config.output).keep(cases, newest_currents(cases, datetime.now(UTC)), prune=prune)
+    newest = newest_currents(cases, datetime.now(UTC))
+    keep_forecasts(config.output, cases, newest, prune=prune)
 
 
 def test_members_are_earlier_forecasts_of_the_same_time_and_spread_as_errors_grow(
@@ -168,7 +172,7 @@ def test_a_case_with_members_equals_a_run_of_its_season(tmp_path: Path, cluster:
 def test_what_is_kept(tmp_path: Path) -> None:
     """The newest `count` forecasts; a changed one is copied again, and later ones don't count."""
     config, file = kept_night(tmp_path, "{ count = 2 }"), tmp_path / "tonight.nc"
-    (folder, kept) = config.output / ".forecasts", Forecasts(config.output)
+    folder = config.output / ".forecasts"
     for issued in range(4):
         issue(file, issued)
         keep(config, prune=issued == 3)
@@ -184,13 +188,13 @@ def test_what_is_kept(tmp_path: Path) -> None:
     keep(config)
     assert copy.stat().st_ino != before
 
-    season = expand(config).blocks[0].seasons[0]
+    season = expand(config)[0].seasons[0]
     issue(file, 2)
-    (found,) = kept.members(season, season.currents)
+    (found,) = kept_forecasts(config.output, season, season.currents)
     assert isinstance(found, tuple)
     assert [Path(one).parent.name for one in found] == ["2026-11-23T0000Z"]
     file.unlink()
-    assert kept.members(season, season.currents) == ()
+    assert kept_forecasts(config.output, season, season.currents) == ()
 
 
 def test_only_a_night_keeps_forecasts(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.nightly.cases import expand
 from pipeline.nightly.config import load_config
-from pipeline.nightly.newest_currents import Newest, cycle_time, is_cycle, newest_currents
-from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.currents import ComeAgainError, Newest, newest_currents
+from pipeline.nightly.cycles import cycle_time, is_cycle
 from tests.loopback_store import world
 from tests.loopback_store.world import connected
 from tests.pipeline.nightly.nights import REFERENCE, region_night, write_forecast, write_night

@@ -18,9 +18,9 @@ import shapely
 import renew
 from pipeline.errors import RequestError, StageError
 from pipeline.nightly.config import load_config
+from pipeline.nightly.currents import ComeAgainError
 from pipeline.nightly.cycles import Partial, Row, rows_of_parts
 from pipeline.nightly.night import run_night
-from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.publishing import check_files
 from pipeline.nightly.records import case_lines, status_lines
 from pipeline.scenario.loading import load_scenario
@@ -285,7 +285,7 @@ def test_the_file_of_a_night_says_when_it_was_made(finished: Path) -> None:
 @pytest.mark.parametrize("says_reference", [True, False])
 def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) -> None:
     from pipeline.nightly.cases import expand
-    from pipeline.nightly.newest_currents import newest_currents
+    from pipeline.nightly.currents import newest_currents
 
     file = region_night(tmp_path)
     write_forecast(tmp_path / "currents" / "m1.nc", says_reference=says_reference)

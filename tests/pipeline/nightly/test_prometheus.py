@@ -11,7 +11,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from pipeline.cli.night_watch import write_metrics
-from pipeline.nightly.outcome import NightOutcome
+from pipeline.nightly.night import NightOutcome
 
 NIGHT = NightOutcome(
     cycle="2026-11-21T00Z",

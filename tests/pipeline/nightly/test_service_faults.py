@@ -12,8 +12,8 @@ import pytest
 from distributed import LocalCluster
 
 from pipeline.nightly.config import NightConfig, load_config
+from pipeline.nightly.currents import ComeAgainError
 from pipeline.nightly.night import run_night
-from pipeline.nightly.outcome import ComeAgainError
 from pipeline.scenario import catalogue
 from tests.loopback_store import world
 from tests.loopback_store.datasets import Ocean

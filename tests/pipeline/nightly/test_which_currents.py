@@ -12,8 +12,8 @@ import pytest
 
 from pipeline.nightly import night as night_module
 from pipeline.nightly.config import load_config
-from pipeline.nightly.night import run_night
-from pipeline.nightly.outcome import ComeAgainError, NightOutcome
+from pipeline.nightly.currents import ComeAgainError
+from pipeline.nightly.night import NightOutcome, run_night
 from tests.pipeline.nightly.nights import (
     REFERENCE,
     plane_night,
@@ -147,3 +147,13 @@ def test_a_revision_that_was_finished_and_not_named_is_named(tmp_path: Path, clu
     assert link.resolve().name == second.cycle
     shutil.rmtree(tmp_path / "out" / second.cycle)
     assert _run(file, cluster).cycle == second.cycle
+
+
+def test_a_plane_is_planned_as_its_scenario_now_asks(tmp_path: Path, cluster: str) -> None:
+    """Its chart is stored with the planner's options, which were changed since."""
+    file, scenario = plane_night(tmp_path, pairs=1), tmp_path / "quick.toml"
+    _run(file, cluster)
+    assert rows(tmp_path / "out")[0]["routes"] == 2
+    scenario.write_text(scenario.read_text().replace("classes = 2", "classes = 1"))
+    _run(file, cluster)
+    assert rows(tmp_path / "out")[0]["routes"] == 1

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.serve.guard import MAX_BODY_BYTES
-from pipeline.serve.request import MAX_FILE_BYTES
+from pipeline.serve.plans import MAX_FILE_BYTES
 from tests.pipeline.serve.client import VOYAGE, Server
 
 PATHS = (
@@ -138,9 +138,9 @@ def test_a_body_that_is_too_long_is_refused_said_or_not(server: Server) -> None:
     long = b'{"start": "' + b"1" * MAX_BODY_BYTES + b'"}'
     assert server.ask("POST", "/api/plan", long).status == 413
     chunks = iter([b"1" * 65_536] * 20)
-    assert server.ask("POST", "/api/plan", chunks).status == 413  # chunked: no length is said
+    assert server.ask("POST", "/api/plan", chunks).status == 411  # chunked: no length is said
     lying = {"Content-Length": "-5"}
-    assert server.ask("POST", "/api/plan", b"", lying).status in {400, 413}
+    assert server.ask("POST", "/api/plan", b"", lying).status in {400, 411}
 
 
 def test_a_file_that_is_too_large_is_refused_and_nothing_is_left(server: Server) -> None:

@@ -9,7 +9,7 @@ import typer
 from hypothesis import given, strategies as st
 
 from pipeline.cli.main import app
-from pipeline.serve.request import GivenFiles, PlanRequest, command_line
+from pipeline.serve.plans import GivenFiles, PlanRequest, command_line
 
 _TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
 

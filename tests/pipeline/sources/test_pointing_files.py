@@ -14,6 +14,7 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.sources.land.vector import read_havens
+from tests.commands import ran
 from tests.pipeline.sources import pointing_files
 
 # What belongs to the process itself: names of its services, not of a file's addresses.
@@ -62,15 +63,12 @@ def test_files_that_lead_elsewhere_open_no_socket_and_no_other_file(
         subprocess.run([*_TRACED, "/dev/null", "true"], check=False).returncode == 0
     )
     # One that follows a FIFO, or a view without end, never ends.
-    found = subprocess.run(
-        [*_TRACED, str(log), *command] if is_traced else command,
-        check=True,
-        capture_output=True,
-        text=True,
-        timeout=240,
+    found = ran(
+        *([*_TRACED, str(log), *command] if is_traced else command),
         env={**os.environ, "PYTHONWARNINGS": "ignore", "NO_PROXY": "*"},
+        timeout=240,
     )
-    ends = dict(line.split("\t") for line in found.stdout.splitlines())
+    ends = dict(line.split("\t") for line in found.splitlines())
     tried = {one.name for one in filter(pointing_files.is_tried, folder.iterdir())}
     assert ends.keys() == tried
     assert len(tried) > 40

@@ -16,9 +16,8 @@ from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
-from pipeline.voyage.readers import VesselFigures
 from tests.pipeline.sources.depth_grids import emodnet
-from tests.pipeline.voyage.waters import GOAL, ISLAND, START, metrics
+from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics
 
 SHOAL = shapely.box(-40.03, 35.0, -39.98, 35.05)
 
@@ -42,7 +41,7 @@ def test_routes_keep_off_shallow_cells_and_uncharted_depth_is_reported(
 ) -> None:
     file = depth_grid(tmp_path / "depths.nc")
     outcome = pipeline.go(
-        START, GOAL, vessel=VesselFigures("8kn", "12m", "40m", "2m"), currents=("still",),
+        START, GOAL, **FIGURES, draught="2m", currents=("still",),
         charts=chart, depths=file, clearance_m=0.0, output=tmp_path, name="deep",
     )  # fmt: skip
     assert outcome.exit_code == 0
@@ -79,7 +78,7 @@ def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
 ) -> None:
     with pytest.raises(RequestError) as caught:
         pipeline.go(
-            (-40.005, 35.03), GOAL, vessel=VesselFigures("8kn", "12m", "40m", "2m"),
+            (-40.005, 35.03), GOAL, **FIGURES, draught="2m",
             currents=("still",), charts=chart, depths=depth_grid(tmp_path / "depths.nc"),
             output=tmp_path / "outputs",
         )  # fmt: skip

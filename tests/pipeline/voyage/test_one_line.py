@@ -23,6 +23,7 @@ from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
+from tests.commands import ended
 from tests.pipeline.processes import ROOT
 from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
@@ -45,12 +46,11 @@ def voyage(chart: Path, outputs: Path, *currents: str | Path, **options: object)
     return pipeline.go(
         START,
         GOAL,
-        vessel=FIGURES,
         months=months,
         currents=currents,
         charts=chart,
         output=outputs,
-        **options,  # type: ignore[arg-type]
+        **FIGURES | options,
     )
 
 
@@ -90,7 +90,7 @@ def within_hours(
     @cache
     def made(hours: float) -> Outcome:
         by = DEPART + timedelta(hours=hours)
-        speeds = {"depart": DEPART, "arrive_by": by, "speeds_m_s": (1.0, 5.0)}
+        speeds = {"depart": DEPART, "arrive_by": by, "speed": (1.0, 5.0)}
         return voyage(chart, outputs, file, name=f"within-{60 * hours:.0f}-minutes", **speeds)
 
     return made
@@ -143,7 +143,7 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     file = write_tide(tmp_path / "tide.nc")
     departure = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
     outcome = pipeline.go(
-        START, GOAL, vessel=FIGURES, depart=departure, currents=(file,), charts=chart,
+        START, GOAL, **FIGURES, depart=departure, currents=(file,), charts=chart,
         output=outputs, name="tide",
     )  # fmt: skip
     assert outcome.exit_code == 0
@@ -255,12 +255,13 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
 
 
 def command(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "pipeline.cli.main", "go", *map(str, words)],
-        capture_output=True,
-        text=True,
+    return ended(
+        sys.executable,
+        "-m",
+        "pipeline.cli.main",
+        "go",
+        *map(str, words),
         cwd=cwd,
-        check=False,
         env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
     )
 

@@ -11,8 +11,7 @@ import pytest
 import pipeline
 from pipeline.errors import RequestError
 from pipeline.serve.app import page_files
-from pipeline.serve.request import ASKED, PlanRequest
-from pipeline.voyage.readers import VesselFigures
+from pipeline.serve.plans import ASKED, PlanRequest
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import Option, described, help_text, options, spelling
 from tests.conftest import ROOT
@@ -46,10 +45,7 @@ def test_the_page_and_its_interface_have_every_option_of_a_voyage(one: Option) -
 
 def test_python_has_every_option_and_says_what_it_does() -> None:
     arguments = set(inspect.signature(pipeline.go).parameters) - {"on_event"}
-    figures = {f"VesselFigures.{name}" for name in VesselFigures.__dataclass_fields__}
-    assert {one.argument or one.field for one in FIELDS} == arguments | figures - {
-        "VesselFigures.speed"
-    }
+    assert {one.field for one in FIELDS} == arguments
     text = " ".join(str(pipeline.go.__doc__).split())
     for one in FIELDS:
         assert help_text(one, spelling(VoyageRequest, "python")) in text
@@ -63,11 +59,11 @@ def test_the_list_for_qgis_is_that_of_the_table() -> None:
 def test_faults_name_an_option_as_the_asker_does() -> None:
     with pytest.raises(RequestError) as caught:
         pipeline.go(
-            "35N 40W", "35N 39W", vessel=VesselFigures("12", "9m", "9m"), months=("July",),
-            speeds_m_s=None, endurance="2d", clearance_m=-1.0,
+            "35N 40W", "35N 39W", speed="12", length="9m", turning_circle="9m", months=("July",),
+            endurance="2d", clearance_m=-1.0,
         )  # fmt: skip
     starts = [fault.split()[0] for fault in caught.value.faults]
-    assert starts == ["VesselFigures.speed", "months", "clearance_m", "endurance"]
+    assert starts == ["speed", "months", "clearance_m", "endurance"]
     assert not any("--" in fault for fault in caught.value.faults)
 
 

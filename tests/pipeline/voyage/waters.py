@@ -13,7 +13,6 @@ import shapely
 from pipeline.scenario.model import Scenario
 from pipeline.sources.current_field import Field
 from pipeline.voyage.one_line import voyage_scenario
-from pipeline.voyage.readers import VesselFigures
 from pipeline.voyage.request import read_voyage
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
@@ -22,7 +21,7 @@ START, GOAL = (-40.06, 35.0), (-39.94, 35.0)
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
 
 
-FIGURES = VesselFigures("8kn", "12m", "40m")
+FIGURES: dict[str, Any] = {"speed": "8kn", "length": "12m", "turning_circle": "40m"}
 
 
 def scenario_of(given: Mapping[str, Any]) -> tuple[Scenario, tuple[str, ...]]:

@@ -1,12 +1,21 @@
-"""The members of a forecast: fields that may each come true, with weights; and their mean."""
+"""The members of a forecast: fields that may each come true, with weights; their mean.
+
+Also statistics of the fuel of classes over the members, and whether classes differ.
+
+CVaR is the mean of the worst share of the members: the largest mean over all weights that give no
+member more than its own weight divided by that share (Rockafellar & Uryasev, 2000).
+
+Whether one class is dearer than another is asked of a paired bootstrap (Efron & Tibshirani, 1993):
+members are drawn again and again, and the difference is taken in each draw. It is drawn from one
+member fewer than there are, so that the draws vary as much as ensembles of this size do.
+"""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from renew._types import FloatArray
+from renew._types import BoolArray, FloatArray
 from renew.errors import ParameterError, as_floats, shown
 from renew.inputs.current import (
     CurrentField,
@@ -45,27 +54,6 @@ class Members(NamedTuple):
         return self.fields[0] if len(self.distinct) == 1 else mean_of(self.fields, weights)
 
 
-@dataclass(frozen=True, eq=False)
-class PooledCurrent(CurrentField):
-    """The current of a plan, with a mean and spread that are taken over all members."""
-
-    lead: CurrentField
-    fields: tuple[CurrentField, ...]
-
-    def __call__(self, points: FloatArray) -> FloatArray:
-        """Velocity (..., 2) of the lead."""
-        return self.lead(points)
-
-    @property
-    def slice_times(self) -> FloatArray:
-        """Times (nt,), s, of the lead."""
-        return self.lead.slice_times
-
-    def samples(self, triangles: FloatArray, windows: FloatArray | None) -> FloatArray:
-        """Velocities (n, samples, 2), m/s, of every member in triangles and windows."""
-        return np.concatenate([one.samples(triangles, windows) for one in self.fields], axis=1)
-
-
 def as_members(
     currents: Sequence[CurrentLike],
     weights: FloatArray | Sequence[float] | None,
@@ -102,14 +90,16 @@ def mean_of(fields: Sequence[CurrentField], weights: FloatArray) -> CurrentField
     if len(uniform) == len(fields):
         return UniformCurrent(*(weights @ np.array(uniform)).tolist())
     if first.is_steady:
-        return FunctionCurrent(lambda points: _mean([one(points) for one in fields], weights))
+        return FunctionCurrent(
+            lambda points: _mean_velocity([one(points) for one in fields], weights)
+        )
     sliced = [one.slices for one in fields if isinstance(one, VaryingCurrent) and one.slices]
     if len(sliced) == len(fields) and all(np.array_equal(one.slice_times, clock) for one in fields):
         at_times = zip(*sliced, strict=True)
         return VaryingCurrent(clock, [mean_of(then, weights) for then in at_times])
 
     def velocity(points: FloatArray, times: FloatArray) -> FloatArray:
-        return _mean([one.velocity(points, times) for one in fields], weights)
+        return _mean_velocity([one.velocity(points, times) for one in fields], weights)
 
     return VaryingCurrent(_all_times(fields), velocity)
 
@@ -122,7 +112,7 @@ def _shared(fields: Iterable[CurrentField]) -> tuple[CurrentField, ...]:
     return tuple(found)
 
 
-def _mean(velocities: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
+def _mean_velocity(velocities: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
     """Return the mean (..., 2) of velocities, m/s, by weights (m,)."""
     return np.asarray(np.tensordot(weights, np.array(velocities), axes=1))
 
@@ -184,3 +174,84 @@ def _are_equal(one: CurrentField, other: CurrentField) -> bool:
             and all(map(_are_equal, one.slices, other.slices))
         )
     return False
+
+
+Statistic: TypeAlias = Literal["mean", "p90", "cvar90", "regret"]
+STATISTICS: tuple[Statistic, ...] = get_args(Statistic)
+QUANTILES = ("p90", "cvar90")
+"""Statistics of the worst members: of few members they say little."""
+FEWEST = 5
+"""Least number of members for these."""
+
+TAIL = 0.1
+"""Share of the members, by weight, that P90 leaves out and that CVaR is the mean of."""
+# Number of draws of the bootstrap.
+_DRAWS = 2000
+# Rounding error of sums of weights.
+_ROUNDING = 1e-9
+
+
+def statistic(
+    name: Statistic, fuels: FloatArray, weights: FloatArray, tail: float = TAIL
+) -> FloatArray:
+    """Return a statistic (..., k) of fuels (k, m), by weights (..., m) whose sum is 1.
+
+    Regret is the largest fuel above that of the member's best class. Infinite fuels count where
+    they have a weight.
+    """
+    if name == "mean":
+        return _mean(fuels, weights[..., None, :])
+    if name == "regret":
+        regrets = np.where(weights[..., None, :] > 0, _difference(fuels, fuels.min(axis=0)), 0.0)
+        return np.asarray(regrets.max(axis=-1))
+    order = np.argsort(-fuels, axis=1)
+    falling, own = np.take_along_axis(fuels, order, axis=1), weights[..., order]
+    beyond = np.cumsum(own, axis=-1)
+    if name == "p90":
+        # The smallest fuel that at most the tail of the members, by weight, exceeds.
+        at = np.argmax(beyond > tail + _ROUNDING, axis=-1)
+        return np.asarray(falling[np.arange(len(fuels)), at])
+    return _mean(falling, np.clip(tail - (beyond - own), 0, own) / tail)
+
+
+def worst_weights(fuels: FloatArray, weights: FloatArray, tail: float = TAIL) -> FloatArray:
+    """Return the weights (m,) by which the mean of fuels (m,) is their CVaR."""
+    order = np.argsort(-fuels)
+    own = weights[order]
+    found = np.empty(len(weights))
+    found[order] = np.clip(tail - (np.cumsum(own) - own), 0, own) / tail
+    return found
+
+
+def surely_dearer(
+    name: Statistic,
+    fuels: FloatArray,
+    weights: FloatArray,
+    best: int,
+    *,
+    sure: float,
+    seed: int,
+) -> BoolArray:
+    """Whether each class (k,) is dearer than the `best` one, beyond the chance of the members.
+
+    That is so if an interval that holds the share `sure` of the bootstrap's differences lies
+    above 0.
+    """
+    rng = np.random.default_rng(seed)
+    count = len(weights) - 1
+    drawn = rng.multinomial(count, weights, size=_DRAWS) / count
+    found = statistic(name, fuels, drawn)
+    more = _difference(found, found[:, [best]])
+    return np.asarray((more > 0).mean(axis=0) >= (1 + sure) / 2)
+
+
+def _mean(fuels: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the sums (..., k) of fuels (k, m) by weights (..., 1 or k, m)."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(weights > 0, weights * fuels, 0.0).sum(axis=-1))
+
+
+def _difference(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return fuels less other fuels; 0 where both are infinite."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.isinf(one) & np.isinf(other), 0.0, one - other)
