@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from collections.abc import Mapping
 from os import PathLike
 
 Word = str | PathLike[str]
+PYTHON = (sys.executable, "-c")
+"""The first words of a command that runs a script, which is the next word."""
 
 
 def ended(

@@ -18,7 +18,7 @@ import yaml
 from importlinter.cli import lint_imports
 
 import renew
-from tests.commands import ran
+from tests.commands import PYTHON, ran
 from tests.conftest import ROOT
 
 # Imported by none of our modules, and declared all the same.
@@ -154,7 +154,7 @@ def test_the_command_line_starts_without_the_heavy_libraries() -> None:
     script = (
         "import sys, pipeline.cli.main; print(*{name.partition('.')[0] for name in sys.modules})"
     )
-    done = ran(sys.executable, "-c", script)
+    done = ran(*PYTHON, script)
     assert set(done.split()) & HEAVY == set()
 
 

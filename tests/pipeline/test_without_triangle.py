@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import os
-import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from tests.commands import ran
+from tests.commands import PYTHON, ran
 
 
 def rows(output: Path, scenario: str) -> dict[tuple[str, str], dict[str, str]]:
@@ -31,8 +30,7 @@ def test_it_runs_and_finds_the_same_routes(scenario: str, root: Path, tmp_path: 
         "from pipeline.cli.main import main; main()"
     )
     ran(
-        sys.executable,
-        "-c",
+        *PYTHON,
         program,
         *command,
         str(without),

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import pytest
 
 import renew
-from tests.commands import ended, ran
+from tests.commands import PYTHON, ended, ran
 
 PACKAGE = Path(renew.__file__).parent
 # It prints the result of a kernel that inlines another one, how many kernels were compiled and not
@@ -222,8 +222,7 @@ def test_without_a_lasting_folder_it_is_written_to_one_that_goes_with_the_proces
     (package / "__pycache__").touch()  # a file, where a folder should be
     (tmp_path / "temporary").mkdir()
     done = ran(
-        sys.executable,
-        "-c",
+        *PYTHON,
         SCRIPT,
         cwd=package.parent,
         env={"HOME": os.devnull, "TMPDIR": str(tmp_path / "temporary")},
@@ -335,7 +334,7 @@ for _ in range(500):
 
 @pytest.mark.slow
 def test_plans_that_are_interrupted_end_with_a_keyboard_interrupt(root: Path) -> None:
-    done = ran(sys.executable, "-c", INTERRUPTED_PLANS, cwd=root)
+    done = ran(*PYTHON, INTERRUPTED_PLANS, cwd=root)
     ends = Counter(done.split())
     assert ends.total() == 500
     assert set(ends) <= {"KeyboardInterrupt", "ended"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 
 import renew
-from tests.commands import ran
+from tests.commands import PYTHON, ran
 from tests.strategies import random_scene, single_gyre
 
 # Variables that limit the threads of numerical libraries.
@@ -90,8 +89,7 @@ def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
     limits = dict.fromkeys(THREAD_LIMITS, str(threads))
     program = "from tests.renew.test_determinism import digests; print(digests())"
     done = ran(
-        sys.executable,
-        "-c",
+        *PYTHON,
         program,
         cwd=root,
         env={**os.environ, **limits, "PYTHONHASHSEED": str(hash_seed)},
@@ -106,12 +104,7 @@ def test_the_compiler_changes_nothing(root: Path) -> None:
         "print(best.homotopy, best.fuel)"
     )
     done = ran(
-        sys.executable,
-        "-c",
-        program,
-        cwd=root,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-        timeout=300,
+        *PYTHON, program, cwd=root, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, timeout=300
     )
     name, fuel = done.split()
     best = gyre(classes=1).best

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 
 from pipeline.scenario import catalogue
-from tests.commands import ran
+from tests.commands import PYTHON, ran
 from tests.conftest import ROOT
 
 REHEARSE = """
@@ -100,8 +99,7 @@ CLOCK = f"""{COUNTING}
 def in_fresh_process(script: str, *arguments: str, root: Path, **variables: str) -> str:
     """Run a script in a process of its own, and return what it prints."""
     return ran(
-        sys.executable,
-        "-c",
+        *PYTHON,
         script,
         *arguments,
         cwd=root,

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from tests.commands import ran
+from tests.commands import PYTHON, ran
 from tests.renew import test_against_oracles, test_planner
 from tests.strategies import single_gyre
 
@@ -47,8 +47,7 @@ def test_a_process_that_cannot_import_triangle_makes_the_same_plan(root: Path) -
         "from tests.renew.test_without_triangle import gyre; print(gyre())"
     )
     done = ran(
-        sys.executable,
-        "-c",
+        *PYTHON,
         program,
         cwd=root,
         env={**os.environ, "PYTHONPATH": str(root / "tests" / "no_triangle")},

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.failures import exit_code_of, reported_errors
 from pipeline.cli.main import app
-from tests.commands import ended
+from tests.commands import PYTHON, ended
 from tests.pipeline.processes import QUICK, ROOT, SLOW, renew, started
 from tests.pipeline.small_region import small_region
 
@@ -169,7 +169,7 @@ def test_a_working_directory_that_was_removed(tmp_path: Path, command: str) -> N
         f"sys.argv = ['renew', {command!r}, '../quick.toml']\n"
         "main()\n"
     )
-    done = ended(sys.executable, "-c", program)
+    done = ended(*PYTHON, program)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "working directory" in done.stderr

@@ -21,7 +21,7 @@ from pipeline.scenario.catalogue import listed
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.registry import current_source
-from tests.commands import ended, ran
+from tests.commands import PYTHON, ended, ran
 
 
 def test_list_and_show_print_what_can_be_run_and_read_again(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
             "_TYPER_COMPLETE_FISH_ACTION": "get-args",
         }
         script = "from pipeline.cli.main import app; app(prog_name='renew')"
-        return ended(sys.executable, "-c", script, env={**os.environ, **environment}).stdout
+        return ended(*PYTHON, script, env={**os.environ, **environment}).stdout
 
     assert "palawan-season" in completed("renew run pal")
     assert "hansando" not in completed("renew run pal")
@@ -108,7 +108,7 @@ def test_small_commands_load_no_heavy_library(arguments: list[str]) -> None:
         "         'matplotlib', 'scipy', 'shapely', 'renew'}\n"
         "print(sorted(heavy & sys.modules.keys()))\n"
     )
-    assert ran(sys.executable, "-c", script) == "[]\n"
+    assert ran(*PYTHON, script) == "[]\n"
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def test_version_in_an_installation(root: Path, tmp_path: Path, declared_version
         f"import sys; sys.path.insert(0, {str(site)!r}); import pipeline.cli.main as cli; "
         "print(cli.__file__); cli.app(['--version'])"
     )
-    done = ran(sys.executable, "-c", script, cwd=tmp_path)
+    done = ran(*PYTHON, script, cwd=tmp_path)
     assert done.splitlines() == [
         str(site / "pipeline" / "cli" / "main.py"),
         f"renew {declared_version}",

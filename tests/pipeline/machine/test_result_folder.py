@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 import threading
 from pathlib import Path
 
 import pytest
 
 from pipeline.machine.files import remove_leftovers, replacing
-from tests.commands import ended
+from tests.commands import PYTHON, ended
 from tests.conftest import ROOT
 
 NAMES = ("manifest", "routes", "summer", "winter")
@@ -49,9 +48,7 @@ def put(target: Path, number: int, names: tuple[str, ...] = NAMES) -> None:
 
 def put_and_kill(target: Path, number: int, names: tuple[str, ...], last: int) -> int:
     """Number of the disk's operations, or 0 where the process was killed before the last."""
-    done = ended(
-        sys.executable, "-c", SCRIPT, str(target), str(number), " ".join(names), str(last), cwd=ROOT
-    )
+    done = ended(*PYTHON, SCRIPT, str(target), str(number), " ".join(names), str(last), cwd=ROOT)
     assert done.returncode in {0, -9}, done.stderr
     return 0 if done.returncode else int(done.stdout)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.serve import plans as files, start
+from pipeline.serve import app, plans as files
 from pipeline.serve.plans import GivenFiles
 from tests.pipeline.serve.client import Server, serving
 
@@ -20,8 +20,8 @@ HEAD_S = 1.0
 """Time in which the head of a request must come at the hasty server, s."""
 HASTY = f"""
 from pipeline.cli.main import main
-from pipeline.serve import start
-start._HEAD_S = {HEAD_S}
+from pipeline.serve import app
+app._HEAD_S = {HEAD_S}
 main()
 """
 
@@ -30,7 +30,7 @@ main()
 def hasty(tmp_path_factory: pytest.TempPathFactory, rehearsed: None) -> Iterator[Server]:
     """A server that waits a second for the head of a request; it prints no traceback."""
     del rehearsed
-    assert 5 <= start._HEAD_S <= 20
+    assert 5 <= app._HEAD_S <= 20
     program = (sys.executable, "-c", HASTY, "serve")
     with serving(tmp_path_factory.mktemp("hasty") / "outputs", program=program) as server:
         yield server

@@ -20,7 +20,7 @@ from pipeline.findings.note_words import note_text
 from pipeline.sources.land import osm
 from pipeline.sources.land.osm import surroundings
 from pipeline.sources.land.shapes import box_around, buffered, repaired
-from tests.commands import ran
+from tests.commands import PYTHON, ran
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -158,7 +158,7 @@ print(re.search(r"VmHWM:\\s*(\\d+) kB", pathlib.Path("/proc/self/status").read_t
 """
     if not Path("/proc/self/status").exists():
         pytest.skip("needs Linux's /proc to read a process's peak memory")
-    done = ran(sys.executable, "-c", script, cwd=root)
+    done = ran(*PYTHON, script, cwd=root)
     assert int(done) < 600_000
 
 
