@@ -24,8 +24,8 @@ from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.findings.text import rounded_down, rounded_up
 from pipeline.nightly.config import CaseSpec, DepartureSpec, NightSpec, VoyageSpec
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.sources.tides.fit import CONSTITUENTS
-from pipeline.sources.tides.station import OwnConstant, OwnStation
+from pipeline.sources.cf.harmonic_fit import CONSTITUENTS
+from pipeline.sources.tide_stations import OwnConstant, OwnStation
 from renew.inputs.options import Changes
 from tests import reference
 from tests.bench.__main__ import SUITES

@@ -18,7 +18,7 @@ from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.passage.routes import write_gpx, write_kml
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
-from pipeline.geo.lonlat import DepthCover
+from pipeline.geo.projection import DepthCover
 from pipeline.model import GapShares
 from pipeline.run import Outcome
 from pipeline.stages.compare import safety_notes

@@ -13,7 +13,7 @@ import xarray as xr
 from hypothesis import given, strategies as st
 
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import Bounds
+from pipeline.geo.projection import Bounds
 from pipeline.model import CurrentGrid, Land, Note
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
