@@ -82,10 +82,6 @@ def test_pieces_on_both_sides_of_180_degrees_become_one(turn: int) -> None:
     assert not island.interiors
 
 
-def test_far_land_is_not_returned() -> None:
-    assert _near(_wkb(_square(50, 50)), EQUATOR) == []
-
-
 def test_real_land_around_puerto_princesa() -> None:
     polygons, repaired = _real(PALAWAN)
     land = shapely.union_all(polygons)
