@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_606, 28),
     "pipeline/scenario": (2_547, 36),
     "pipeline/serve": (1_516, 10),
-    "pipeline/sources": (8_244, 39),
+    "pipeline/sources": (8_230, 39),
     "pipeline/stages": (4_650, 19),
     "pipeline/underway": (370, 2),
     "pipeline/voyage": (1_402, 3),
