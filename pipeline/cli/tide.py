@@ -13,7 +13,7 @@ from pipeline.errors import Faults, RequestError, StageError
 from pipeline.machine.paths import NOT_THERE, folder_to_write, shown, unreadable_reason
 
 if TYPE_CHECKING:
-    from pipeline.sources.tides.station import Station
+    from pipeline.sources.tide_stations import Station
 
 app = typer.Typer(
     help="Heights of the tide at a station, and constants of tidal streams.",
@@ -50,7 +50,7 @@ def show(
 ) -> None:
     """List high and low waters at a station, as an almanac does, in UTC."""
     with reported_errors():
-        from pipeline.sources.tides.station import find_station
+        from pipeline.sources.tide_stations import find_station
 
         faults = Faults()
         span = faults.collect(lambda: _span(begin, end))
@@ -77,7 +77,7 @@ def fit(
         from pipeline.machine.files import whole_file
         from pipeline.sources.cf.contents import find_files, read_contents
         from pipeline.sources.cf.fields import WEAK_SHARE
-        from pipeline.sources.tides.fit import fit_files
+        from pipeline.sources.cf.harmonic_fit import fit_files
 
         folder = folder_to_write(out.parent, "--out")
         if (reason := unreadable_reason(folder / out.name)) not in {"", NOT_THERE}:

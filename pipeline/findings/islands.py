@@ -23,7 +23,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray, Geometries, IndexArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
+from pipeline.geo.projection import METRES_PER_DEGREE, bounds_of
 from pipeline.model import PlaceName, Water
 from pipeline.scenario import catalogue
 

@@ -24,7 +24,7 @@ from pipeline.findings import columns, text
 from pipeline.findings.ensembles import flips_text
 from pipeline.formats.gis import frames
 from pipeline.formats.palette import style_colours
-from pipeline.geo.lonlat import bounds_of
+from pipeline.geo.projection import bounds_of
 from pipeline.machine.store import load_artefact
 from pipeline.nightly.cases import NONE
 from pipeline.nightly.currents import Newest

@@ -82,7 +82,7 @@ def _coarse() -> bytes:
     """Return the world's land with less detail, as WKB."""
     # Up to 180 degrees itself, what ends there would come a second time from the other side.
     world = shapely.box(-179.999, -90, 179.999, 90)
-    near = osm.polygons_near("Osm", world, least_deg=_COARSE_DEG)[0].polygons
+    near = osm.polygons_near("Osm", world, least_deg=_COARSE_DEG)[0][0]
     parts: Geometries = shapely.get_parts(
         shapely.make_valid(shapely.simplify(near, _COARSE_DEG, preserve_topology=False))
     )

@@ -23,7 +23,7 @@ from pipeline.findings.note_words import caveats_json, note_texts
 from pipeline.findings.result import RunCase, RunResult, addressed
 from pipeline.findings.text import capitalised, json_value
 from pipeline.formats.report.season import case_facts
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.machine.workers import Worker, WorkerEndedError, is_call_waiting, tell
 from pipeline.run import Event, prepare

@@ -449,7 +449,7 @@ def _faults_of_files(asked: SimpleNamespace, at: SimpleNamespace) -> Iterator[st
 def _faults_of_stations(stations: tuple[str, ...]) -> Iterator[str]:
     """Yield what is wrong in the files of stations of the tide."""
     from pipeline.scenario.model import TideSpec
-    from pipeline.sources.tides.station import stations_of
+    from pipeline.sources.tide_stations import stations_of
 
     try:
         stations_of(TideSpec(stations=stations))

@@ -15,8 +15,7 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.text import xml_environment
 from pipeline.formats.figures.map_marks import speed_limits
 from pipeline.formats.palette import season_colour
-from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import METRES_PER_DEGREE, Projection, bounds_of
 from pipeline.texts import clean
 
 # Width, metres on paper or screen, at which a map opens.

@@ -24,7 +24,7 @@ from pipeline.formats.records import versions
 from pipeline.formats.report import assets
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
 from pipeline.formats.report.season import case_section
-from pipeline.geo.lonlat import position_text
+from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid
 
 Notice = tuple[str, tuple[tuple[str, str], ...]]

@@ -25,7 +25,7 @@ from pipeline.formats.figures.season_map import case_svg
 from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import CaseFacts
 from pipeline.formats.tables import haven_facts, haven_texts
-from pipeline.geo.lonlat import position_text
+from pipeline.geo.projection import position_text
 from pipeline.model import RouteMetrics
 from renew import Rejected
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
 import sys
 import tomllib
 import zipfile
@@ -21,6 +20,7 @@ from pipeline.scenario.catalogue import listed
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.registry import current_source
+from tests.commands import PYTHON, ended, ran
 
 
 def test_list_and_show_print_what_can_be_run_and_read_again(tmp_path: Path) -> None:
@@ -80,14 +80,7 @@ def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
             "_TYPER_COMPLETE_FISH_ACTION": "get-args",
         }
         script = "from pipeline.cli.main import app; app(prog_name='renew')"
-        ended = subprocess.run(
-            [sys.executable, "-c", script],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, **environment},
-        )
-        return ended.stdout
+        return ended(*PYTHON, script, env={**os.environ, **environment}).stdout
 
     assert "palawan-season" in completed("renew run pal")
     assert "hansando" not in completed("renew run pal")
@@ -114,10 +107,7 @@ def test_small_commands_load_no_heavy_library(arguments: list[str]) -> None:
         "         'matplotlib', 'scipy', 'shapely', 'renew'}\n"
         "print(sorted(heavy & sys.modules.keys()))\n"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert ended.stdout == "[]\n"
+    assert ran(*PYTHON, script) == "[]\n"
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +125,7 @@ def test_version_in_a_checkout(declared_version: str) -> None:
 def test_version_in_an_installation(root: Path, tmp_path: Path, declared_version: str) -> None:
     """An unpacked wheel is what an installation consists of."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    ran(*build, cwd=root)
     (wheel,) = tmp_path.glob("*.whl")
     site = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(site)
@@ -143,10 +133,8 @@ def test_version_in_an_installation(root: Path, tmp_path: Path, declared_version
         f"import sys; sys.path.insert(0, {str(site)!r}); import pipeline.cli.main as cli; "
         "print(cli.__file__); cli.app(['--version'])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines() == [
+    done = ran(*PYTHON, script, cwd=tmp_path)
+    assert done.splitlines() == [
         str(site / "pipeline" / "cli" / "main.py"),
         f"renew {declared_version}",
     ]

@@ -17,7 +17,7 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import descriptions, remedy_of
 from renew.inputs.options import RANGES
-from tests.scenario_reference import tables
+from tests.reference import tables
 
 VERBS = ("add", "give", "leave", "list", "name", "use", "write")
 UNITS = {"_deg_s": "degrees/s", "_m_s": "m/s", "_m": "metres"}

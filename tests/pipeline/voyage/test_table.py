@@ -14,8 +14,8 @@ from pipeline.serve.app import page_files
 from pipeline.serve.plans import ASKED, PlanRequest
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import Option, help_text, options, spelling
-from tests.command_reference import commands, options as typed_options
 from tests.conftest import ROOT
+from tests.reference import commands, options as typed_options
 
 FIELDS = options(VoyageRequest)
 NAMED = [one for one in FIELDS if one.group]
