@@ -1,8 +1,8 @@
 """Keep an installation in order: `renew doctor | warm | clean`, and `renew qgis install`.
 
-The doctor checks what no error of a run tells, or tells too late: versions, folders that can be
-written, space on the disk, and the account for currents. A fault makes every run fail or its
-results wrong. A warning is for something that only some runs need, such as the account.
+The doctor checks what a run would report too late or not at all: versions, folders that can be
+written, space on the disk, and the account for currents. A fault makes every run fail, or its
+results wrong. A warning is about something that only some runs need, such as the account.
 """
 
 import contextlib

@@ -43,7 +43,7 @@ def charted_land(scenario: Scenario) -> LandSource:
 
 
 def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_TIDE) -> LandSource:
-    """Return all of a chart's sources as one; with depths they need the draught, with squat."""
+    """Return all of a chart's sources as one; a chart with depths needs the draught, with squat."""
     from pipeline.sources.combined_charts import Overlay
 
     sources = tuple(_single_source(source, chart, draught_m, tide) for source in chart.source)

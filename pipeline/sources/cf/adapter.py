@@ -393,7 +393,8 @@ class CfMembers(CurrentSource):
         """Read each member, checked like any current, and take their mean.
 
         A member that is refused, or on other nodes or at other times than the first one that can be
-        used, is left out by name. Of forecasts, the newest must be usable, and is enough.
+        used, is left out, and a note names it. If the members are forecasts in folders, the newest
+        must be usable, and is enough.
         """
         used: list[tuple[str, CurrentGrid, float]] = []
         reasons: list[str] = []
@@ -527,7 +528,7 @@ _LEAST_STEP = timedelta(hours=12)
 
 @dataclass(frozen=True)
 class TidalStreams(CfFiles):
-    """A file of harmonic constants, with the file's mean, another current, or none."""
+    """Tidal streams of a file of harmonic constants, plus its mean, another current, or nothing."""
 
     residual: CfFiles | None = None
 
@@ -611,7 +612,7 @@ def _residual_fault(residual: CfFiles, region: Polygon, case: Season) -> str:
 
 
 def _sum(streams: CurrentGrid, residual: CurrentGrid) -> CurrentGrid:
-    """Add a residual to streams, linear in time, until it ends."""
+    """Add a residual, which is linear in time, to streams; the sum ends where the residual ends."""
     lonlat = np.stack(np.meshgrid(streams.lon, streams.lat), axis=-1)
     times = streams.times_s
     if residual.changes:

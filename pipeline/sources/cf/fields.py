@@ -179,7 +179,7 @@ def _linear(steps: TimeSteps, moment: datetime) -> SelectedSteps:
 def _of_constants(
     contents: Contents, case: Season, step: timedelta, *, with_mean: bool
 ) -> SelectedSteps:
-    """Return fields from an hour before a period, for a vessel that is early, to its end.
+    """Return fields from an hour before a period, as a vessel may be early, to the period's end.
 
     Linear interpolation between fields damps a constituent by sinc² of half its change of phase in
     a step. The fields are divided by this factor, so that no error adds up on the way.

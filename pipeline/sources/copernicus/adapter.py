@@ -158,6 +158,13 @@ class Copernicus(CurrentSource):
         if obtained.changes and self.spec.kind == "mean" and self.spec.step in {"day", "month"}:
             # Steps so long can't show the tide.
             notes = (Note.of("steps-are-means", step=self.spec.step), *notes)
+        labels, moments = obtained.steps.labels, obtained.steps.moments
+        # A single step's own time may only be near the one asked for.
+        valid = case.valid if len(labels) > 1 else labels[0]
+        if obtained.changes:
+            valid = f"{moments[0]:%Y-%m-%dT%H:%MZ}/{moments[-1]:%Y-%m-%dT%H:%MZ}"
+        elif self.spec.kind == "climatology":
+            valid = f"month {labels[0]} of the mean year"
         return CurrentGrid(
             case=case.name,
             lon=field.lon,
@@ -165,7 +172,7 @@ class Copernicus(CurrentSource):
             u=field.u,
             v=field.v,
             times_s=np.array(obtained.selected.times_s),
-            valid=self._valid(case, obtained),
+            valid=valid,
             credit=Credit(
                 name=f"{self.spec.product}, {self.spec.dataset} {metadata['version']}",
                 kind="current",
@@ -238,15 +245,6 @@ class Copernicus(CurrentSource):
             "stamps_utc": answer["stamps"],
             "missing_boxes": answer["missing_boxes"],
         }
-
-    def _valid(self, case: Season, obtained: SubsetRequest) -> str:
-        """Return the time that the fields are valid for, which may be near the one asked for."""
-        labels, moments = obtained.steps.labels, obtained.steps.moments
-        if obtained.changes:
-            return f"{moments[0]:%Y-%m-%dT%H:%MZ}/{moments[-1]:%Y-%m-%dT%H:%MZ}"
-        if self.spec.kind == "climatology":
-            return f"month {labels[0]} of the mean year"
-        return case.valid if len(labels) > 1 else labels[0]
 
 
 def _obtained(asked: SubsetRequest, metadata: Mapping[str, Any]) -> SubsetRequest:

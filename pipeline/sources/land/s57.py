@@ -29,7 +29,7 @@ from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.geo.projection import DepthCover
 from pipeline.machine.paths import require_readable
-from pipeline.model import Credit, Land, Note, PlaceName, Zone
+from pipeline.model import Credit, Land, Note, Zone
 from pipeline.model.inputs import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
 from pipeline.texts import clean
@@ -359,7 +359,14 @@ def land(
         notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
         depths=DepthCover(areas=tuple(shapes.extract_polygons(covered))),
-        places=tuple(place for part in parts for place in _places(part)),
+        places=tuple(
+            place
+            for part in parts
+            if (named := part.objects.get("LNDARE")) is not None
+            for place in shapes.named_places(
+                named.texts("OBJNAM"), shapely.intersection(named.geometry, part.covered)
+            )
+        ),
         depth_areas=tuple(area for areas in depths for area in areas),
         tidal_water=tuple(_tidal_water(parts, depths, sea, rule)),
         # If the cells have several datums, all are named, and no tide's datum equals that text.
@@ -377,15 +384,13 @@ def _tidal_water(
     for areas in depths:
         for depth_area in areas:
             if rule.is_tidal(depth_area.least_m):
-                yield TidalWater(
-                    _depth_text(depth_area), rule.need_m(depth_area.least_m), depth_area.area
-                )
+                kind = "dredged" if depth_area.kind == "dredged" else "depth"
+                text = f"{kind} {depth_area.least_m:g} to {depth_area.greatest_m:g} m"
+                yield TidalWater(text, rule.need_m(depth_area.least_m), depth_area.area)
     for part in parts:
         radius_m = _fixed_radius_m(part)
-        for name in _SUNKEN:
-            objects = part.objects.get(name)
-            if objects is None:
-                continue
+        for name in filter(part.objects.__contains__, _SUNKEN):
+            objects = part.objects[name]
             for depth_m in np.unique(objects.numbers("VALSOU")).tolist():
                 if rule.is_tidal(depth_m):
                     is_here = objects.numbers("VALSOU") == depth_m
@@ -395,24 +400,10 @@ def _tidal_water(
                         yield TidalWater(text, rule.need_m(depth_m), area)
 
 
-def _depth_text(area: DepthArea) -> str:
-    """Name an area by its depths."""
-    kind = "dredged" if area.kind == "dredged" else "depth"
-    return f"{kind} {area.least_m:g} to {area.greatest_m:g} m"
-
-
-def _places(part: Cell) -> Iterator[PlaceName]:
-    """Yield the names of a part's land."""
-    objects = part.objects.get("LNDARE")
-    if objects is not None:
-        inside = shapely.intersection(objects.geometry, part.covered)
-        yield from shapes.named_places(objects.texts("OBJNAM"), inside)
-
-
 def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[Cell, ...]:
     """Divide the box among the cells: the larger scale first, then the later issue.
 
-    Of each the part is left that no cell before it covers.
+    Each cell keeps the part that no cell before it covers.
     """
     parts, taken = [], shapely.Polygon()
     newest = sorted(cells, key=lambda cell: (cell.issued, cell.name), reverse=True)
@@ -426,10 +417,8 @@ def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[Cell, .
 
 def _depth_areas(part: Cell) -> Iterator[DepthArea]:
     """Yield a part's depth areas and dredged areas."""
-    for name, kind in _DEPTH_CLASSES.items():
-        objects = part.objects.get(name)
-        if objects is None:
-            continue
+    for name in filter(part.objects.__contains__, _DEPTH_CLASSES):
+        objects, kind = part.objects[name], _DEPTH_CLASSES[name]
         limits = objects.numbers("DRVAL1"), objects.numbers("DRVAL2")
         inside = _cut_to(objects.geometry, part.covered)
         for area, least, greatest in zip(inside, *map(np.ndarray.tolist, limits), strict=True):
@@ -462,10 +451,8 @@ def _hazards(part: Cell, sea: shapely.Geometry, least_m: float) -> Iterator[Zone
         (_FLOATING, "floating object", floating_m),
     )
     for names, group, radius_m in kinds:
-        for name in names:
-            objects = part.objects.get(name)
-            if objects is None:
-                continue
+        for name in filter(part.objects.__contains__, names):
+            objects = part.objects[name]
             is_danger = shapely.intersects(objects.geometry, part.covered)
             if names is _SUNKEN:
                 is_danger &= ~(objects.numbers("VALSOU") >= least_m)

@@ -197,7 +197,7 @@ class VectorLayer:
         yield shapely.box(*bounds)
 
     def _read(self, but: IndexArray, **which: object) -> Geometries:
-        """Read some of the geometries, unchanged but without collections; leave out features."""
+        """Read geometries, unchanged but taken out of collections; leave out some features."""
         _, numbers, wkb, _ = shapes.vector_library().raw.read(
             self.path, layer=self.name, columns=[], return_fids=True, **which
         )

@@ -22,6 +22,7 @@ from pipeline.nightly.cycles import BusyError
 from pipeline.nightly.night import run_night
 from pipeline.nightly.planning import Preparation
 from pipeline.nightly.worker import CurrentTask
+from tests.commands import ended
 from tests.pipeline.nightly.killed_nights import (
     cases_done,
     night,
@@ -155,13 +156,15 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path, cluster: str) ->
         module.write("# another version\n")
     command = (sys.executable, "-P", "-m", "pipeline.cli.main", "nightly", "run", "--config")
     file = plane_night(tmp_path)
-    done = subprocess.run(
-        [*command, str(file), "--output", str(tmp_path / "out"), "--scheduler", cluster],
-        env=os.environ | {"PYTHONPATH": str(other)},
+    done = ended(
+        *command,
+        str(file),
+        "--output",
+        str(tmp_path / "out"),
+        "--scheduler",
+        cluster,
         cwd=other,
-        capture_output=True,
-        text=True,
-        check=False,
+        env=os.environ | {"PYTHONPATH": str(other)},
     )
     assert done.returncode == 1
     assert "runs another version of RENEW" in done.stderr

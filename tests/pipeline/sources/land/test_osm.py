@@ -20,6 +20,7 @@ from pipeline.findings.note_words import note_text
 from pipeline.sources.land import osm
 from pipeline.sources.land.osm import surroundings
 from pipeline.sources.land.shapes import box_around, buffered, repaired
+from tests.commands import PYTHON, ran
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -79,10 +80,6 @@ def test_pieces_on_both_sides_of_180_degrees_become_one(turn: int) -> None:
     (island,) = found
     assert island.bounds == (178 + turn, -1.2, 181 + turn, 1)
     assert not island.interiors
-
-
-def test_far_land_is_not_returned() -> None:
-    assert _near(_wkb(_square(50, 50)), EQUATOR) == []
 
 
 def test_real_land_around_puerto_princesa() -> None:
@@ -157,10 +154,8 @@ print(re.search(r"VmHWM:\\s*(\\d+) kB", pathlib.Path("/proc/self/status").read_t
 """
     if not Path("/proc/self/status").exists():
         pytest.skip("needs Linux's /proc to read a process's peak memory")
-    done = subprocess.run(
-        [sys.executable, "-c", script], check=True, capture_output=True, text=True, cwd=root
-    )
-    assert int(done.stdout) < 600_000
+    done = ran(*PYTHON, script, cwd=root)
+    assert int(done) < 600_000
 
 
 # --- The world's polygons come from the cache as the package has them; damage and full disks.
