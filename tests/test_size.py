@@ -44,11 +44,7 @@ ROOMS = {
 }
 MOST_FILES = 216
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-<<<<<<< HEAD
 WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (61, 590)}
-=======
-WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (61, 590)}
->>>>>>> 919a371df6ca9cc8b1ca6b8ac4ed47cd99813f8c
 
 
 def modules(room: str) -> dict[Path, str]:
