@@ -13,7 +13,7 @@ from pipeline.errors import LateFaults, NoWayError, PipelineError, StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
 from pipeline.findings.text import clearance, environment, season_name, season_text
-from pipeline.geo.lonlat import position_text
+from pipeline.geo.projection import position_text
 from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.machine.workers import first_compilation

@@ -20,7 +20,7 @@ from utide._ut_constants import ut_constants
 from utide.harmonics import FUV, ut_E
 
 import renew
-from pipeline.sources.tides.station import Station, read_station
+from pipeline.sources.tide_stations import Station, read_station
 from renew._types import FloatArray
 from renew.inputs.tide import Instants, arguments
 from tests.conftest import ROOT

@@ -28,7 +28,7 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IndexArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
+from pipeline.geo.projection import METRES_PER_DEGREE, bounds_of
 from pipeline.model import CaseResult, Passage, PlaceName, RouteKey, Water
 from pipeline.model.result import NumberedIsland, Side
 from pipeline.scenario import catalogue

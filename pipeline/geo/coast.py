@@ -53,12 +53,12 @@ def covering_land(
     # by this distance.
     cut_m = max(0.0, tolerance_m - (_REACH - 1) * margin_m) / (1 + _REACH)
     radius_m = (cut_m + margin_m) * _REACH
-    rough = simplified(_without_lakes(polygons, endpoints), _BEFORE * cut_m)
+    areas, outlines, _ = simplified(_without_lakes(polygons, endpoints), _BEFORE * cut_m)
     grown = shapely.buffer(
-        np.concatenate([rough.areas, rough.outlines]), radius_m, quad_segs=_QUADRANT_SEGMENTS
+        np.concatenate([areas, outlines]), radius_m, quad_segs=_QUADRANT_SEGMENTS
     )
     land = _without_lakes(_united(grown), endpoints)
-    smooth = _united(simplified(land, (1 - _BEFORE) * cut_m).areas)
+    smooth = _united(simplified(land, (1 - _BEFORE) * cut_m)[0])
     # Filling may enclose other water: its islands are united with the land around.
     return _united(_without_lakes(smooth, endpoints))
 
@@ -69,16 +69,16 @@ def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geo
     They overlap where the given ones do. All land further from the coast than margin plus twice the
     tolerance (planar metres; 5 % more) is inside, except for narrow necks.
     """
-    rough = simplified(polygons, _BEFORE * tolerance_m)
+    areas, outlines, owner = simplified(polygons, _BEFORE * tolerance_m)
     radius_m = (tolerance_m + margin_m) * _REACH
-    shrunk = shapely.buffer(rough.areas, -radius_m, quad_segs=_QUADRANT_SEGMENTS)
-    has_area = ~shapely.is_empty(rough.areas[rough.owner])
-    owner = rough.owner[has_area]
-    around = shapely.buffer(rough.outlines[has_area], radius_m, quad_segs=_QUADRANT_SEGMENTS)
+    shrunk = shapely.buffer(areas, -radius_m, quad_segs=_QUADRANT_SEGMENTS)
+    has_area = ~shapely.is_empty(areas[owner])
+    owner = owner[has_area]
+    around = shapely.buffer(outlines[has_area], radius_m, quad_segs=_QUADRANT_SEGMENTS)
     for index in np.unique(owner):
         shrunk[index] = shapely.difference(shrunk[index], shapely.union_all(around[owner == index]))
     cut_m = (1 - _BEFORE) * tolerance_m
-    return _polygons_of(simplified(_polygons_of(shrunk), cut_m).areas)
+    return _polygons_of(simplified(_polygons_of(shrunk), cut_m)[0])
 
 
 # Number of vertices above which a polygon is halved.
@@ -140,22 +140,14 @@ def _without_lakes(polygons: Geometries, endpoints: FloatArray) -> Geometries:
 _MIN_RING = 4
 
 
-@dataclass(frozen=True, slots=True)
-class SimplifiedAreas:
-    """Areas (n,) of fewer vertices: valid, some of them empty or in several parts.
+def simplified(polygons: Geometries, cut_m: float) -> tuple[Geometries, Geometries, IndexArray]:
+    """Remove vertices of polygons (n,) by moving no part of a ring further than the cut.
 
-    `outlines` are parts of simplified rings that bound no area, because a ring crosses itself or
-    collapsed to a line; `owner` has the index of the area to which each belongs. The distance of a
-    cut is measured from the areas and from the outlines.
+    Returns valid areas (n,), some of them empty or in several parts; outlines (m,), which are parts
+    of simplified rings that bound no area, because a ring crosses itself or collapsed to a line;
+    and for each outline the index (m,) of its polygon. The cut is a distance from the areas and
+    from the outlines.
     """
-
-    areas: Geometries
-    outlines: Geometries
-    owner: IndexArray
-
-
-def simplified(polygons: Geometries, cut_m: float) -> SimplifiedAreas:
-    """Remove vertices of polygons (n,) by moving no part of a ring further than the cut."""
     rings, owner = shapely.get_rings(polygons, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
     lines = shapely.linestrings(points, indices=ring)
@@ -170,7 +162,7 @@ def simplified(polygons: Geometries, cut_m: float) -> SimplifiedAreas:
     inside = has_area & crossed[owner]
     lines[inside] = shapely.difference(lines[inside], shapely.boundary(areas[owner[inside]]))
     outlined = (~has_area | inside) & ~shapely.is_empty(lines)
-    return SimplifiedAreas(areas, lines[outlined], owner[outlined])
+    return areas, lines[outlined], owner[outlined]
 
 
 def _from_rings(lines: Geometries, owner: IndexArray, count: int) -> Geometries:

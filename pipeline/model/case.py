@@ -18,8 +18,7 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.geo.lonlat import DepthCover, KnownCells
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import DepthCover, KnownCells, Projection
 from pipeline.model.inputs import Note, Place
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions

@@ -17,7 +17,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
+from pipeline.geo.projection import Bounds, DepthCover, KnownCells, position_text
 from pipeline.scenario.season import Season
 from pipeline.texts import clean
 
@@ -420,14 +420,14 @@ class LandSource(Protocol):
 
 
 class CurrentSource(Protocol):
-    """Surface currents for a region and a season; by default local, without an account."""
+    """Surface currents for a region and a case; by default local, without an account."""
 
-    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
+    def needs_network(self, region: Polygon, case: Season, folder: Path) -> bool:
         """Whether `current` would download, given the files cached in the folder."""
-        del region, season, folder
+        del region, case, folder
         return False
 
-    def identity(self, season: Season) -> tuple[str, ...]:
+    def identity(self, case: Season) -> tuple[str, ...]:
         """Everything but the region that the current depends on: dataset, time, file hashes."""
         ...
 
@@ -435,19 +435,19 @@ class CurrentSource(Protocol):
         """Say why the source can't be used now, with the remedy; empty when it can."""
         return ""
 
-    def uncovered_reason(self, region: Polygon, season: Season) -> str:
-        """Say for which part of the region or season there are no data, with the remedy, or ""."""
-        del region, season
+    def uncovered_reason(self, region: Polygon, case: Season) -> str:
+        """Say for which part of the region or case there are no data, with the remedy, or ""."""
+        del region, case
         return ""
 
-    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
         """Return the bounds of the part of a region's bounds for which there are data, or None.
 
         Where a source can't be read there is no such part; `uncovered_reason` says why.
         """
         ...
 
-    def issue(self, season: Season) -> Issue:
+    def issue(self, case: Season) -> Issue:
         """Return which issue of the data there is now.
 
         Raises
@@ -459,14 +459,14 @@ class CurrentSource(Protocol):
         """
         ...
 
-    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the current on the source's own grid.
 
         Parameters
         ----------
         region
             Lon/lat degrees.
-        season
+        case
             The period, and how its field is made of time steps.
         land
             Land near the region, against which gaps in the data are checked.

@@ -24,7 +24,7 @@ from scipy import ndimage
 
 from pipeline._types import BoolArray, FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, DepthCover, KnownCells
+from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, DepthCover, KnownCells
 from pipeline.machine.paths import require_readable, shown
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone
@@ -34,7 +34,7 @@ from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset,
 from pipeline.sources.cf.fields import find_window, read_window
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
-from pipeline.sources.land.shapes import box_around, extract_polygons
+from pipeline.sources.land.shapes import box_around, extract_polygons, repaired
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -221,8 +221,8 @@ def _standard_sign(array: "xr.DataArray") -> float | None:
 class Overlay:
     """One or more sources of land as one.
 
-    With `refused_m` the world's land is the second shoreline: a route is refused that gets further
-    inside it than this plus the accuracy of the sources, m.
+    If `refused_m` is given, the world's land is the second shoreline: a route that gets further
+    inside it than `refused_m` plus the accuracy of the sources, m, is refused.
     """
 
     sources: tuple[LandSource, ...]
@@ -259,6 +259,7 @@ def overlay(lands: Sequence[Land]) -> Land:
     uncharted = extract_polygons(blank)
     if len(uncharted):
         zones.append(Zone("uncharted", "", "no chart covers it", shapely.union_all(uncharted)))
+    covers = [land.depths for land in lands if land.depths is not None]
     return Land(
         polygons=(*(polygon for land in lands for polygon in land.polygons), *uncharted.tolist()),
         credits=tuple(dict.fromkeys(credit for land in lands for credit in land.credits)),
@@ -267,17 +268,13 @@ def overlay(lands: Sequence[Land]) -> Land:
         zones=tuple(zones),
         second_shore=tuple(polygon for land in lands for polygon in land.second_shore),
         places=tuple(place for land in lands for place in land.places),
-        depths=_depths(lands),
+        depths=DepthCover(tuple(area for cover in covers for area in cover.areas))
+        if covers
+        else None,
         depth_areas=tuple(area for land in lands for area in land.depth_areas),
         tidal_water=tuple(area for land in lands for area in land.tidal_water),
         datum=" and ".join(sorted({land.datum for land in lands if land.datum})),
     )
-
-
-def _depths(lands: Sequence[Land]) -> DepthCover | None:
-    """Return where any chart has depths; None if no chart has any."""
-    covers = [land.depths for land in lands if land.depths is not None]
-    return DepthCover(tuple(area for cover in covers for area in cover.areas)) if covers else None
 
 
 # Size in bytes above which a file is identified by its name, size and time of change, not by its
@@ -333,25 +330,23 @@ class SoundedChart:
         text = f"shallower than {self.rule.least_m:.3g} m"
         shoal = Zone("shoal", name, text, _without_land(shallow, land))
         areas = land.depths.areas if land.depths else ()
+        title = self.file.title or f"{name}, user's file"
         return replace(
             land,
             polygons=(*land.polygons, *shallow.tolist()),
-            credits=(*land.credits, self._credit()),
+            credits=(*land.credits, Credit(title, "land", f"Depths: {title}", self.file.licence)),
             notes=(*land.notes, *self._notes(heights, region)),
             zones=(*land.zones, shoal),
             depths=DepthCover(areas, heights.cells),
             tidal_water=(*land.tidal_water, *_tidal_bands(heights, self.rule)),
         )
 
-    def _credit(self) -> Credit:
-        """Return the credit from the file's own attributes."""
-        name = self.file.title or f"{self.file.name}, user's file"
-        return Credit(name, "land", f"Depths: {name}", self.file.licence)
-
     def _notes(self, heights: Heights, region: shapely.Polygon) -> Iterator[Note]:
         """Yield a note on too shallow water, and one if part of the region has no depths."""
-        name, cell_m = self.file.name, _cell_m(heights)
-        depth_m = self.rule.safety_depth_m
+        name, depth_m = self.file.name, self.rule.safety_depth_m
+        up_deg = float(np.diff(heights.lat).max())
+        cosine = np.cos(np.radians(np.abs(heights.lat).min()))
+        cell_m = max(up_deg, float(np.diff(heights.lon).max() * cosine)) * METRES_PER_DEGREE
         yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
         lacking = 1 - _covered_share(heights, region)
         if lacking > _MIN_NOTED_SHARE:
@@ -387,13 +382,6 @@ def _hash(path: Path, size: int, changed_ns: int) -> str:
     if size <= _MAX_HASHED_BYTES:
         return file_hash(path)
     return hashlib.sha256(f"{path.name} {size} {changed_ns}".encode()).hexdigest()
-
-
-def _cell_m(heights: Heights) -> float:
-    """Return the longer side of a cell, true metres."""
-    up = float(np.diff(heights.lat).max())
-    across = float(np.diff(heights.lon).max() * np.cos(np.radians(np.abs(heights.lat).min())))
-    return max(up, across) * METRES_PER_DEGREE
 
 
 def _covered_share(heights: Heights, region: shapely.Polygon) -> float:
@@ -470,11 +458,7 @@ def _polygons_around(heights: Heights, cells: BoolArray) -> Geometries:
         _STRAIGHT * cell_deg,
     )
     # A polygon is invalid if two outlines meet in a point.
-    invalid = ~shapely.is_valid(polygons)
-    polygons[invalid] = shapely.make_valid(
-        polygons[invalid], method="structure", keep_collapsed=False
-    )
-    return np.asarray(shapely.get_parts(polygons))
+    return np.asarray(shapely.get_parts(repaired(polygons)[0]))
 
 
 def _extended(axis: FloatArray) -> FloatArray:

@@ -1,10 +1,10 @@
 """A current on its source's own grid, the land mask that it is checked against, gaps and shifts.
 
 A field may be shifted against the land. So its gaps are compared with the land, in place and at
-trial offsets. Gaps reach a little beyond the land in many fields, ice and lakes add more, and
-coarse cells blur the coast; but nothing of this puts data on dry land, let alone on one side only.
-So a field counts as shifted where cells that are entirely land have data, and lose them at an
-offset where the gaps match the land better.
+trial offsets. In many fields the gaps reach a little beyond the land, ice and lakes add more gaps,
+and coarse cells blur the coast. But none of this puts data on dry land. So a field counts as
+shifted if cells entirely on land have data, and lose them at an offset at which the gaps match the
+land better.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.model import Note
 
 # Depth above which a level counts as the surface, m: the uppermost level of ocean models is
@@ -128,8 +128,8 @@ def water_without_data(field: Field, mask: LandMask, region: shapely.Polygon) ->
     """Note the water of a region (lon/lat degrees) without data; nothing if all gaps are on land.
 
     The note has the share of the water that is nearer to a gap than to a value, and the largest
-    distance of such water from the nearest value, infinite where the field has none. A gap at a
-    node on land is right: it counts only next to a gap at a node in water.
+    distance of such water from the nearest value, infinite where the field has none. Gaps at nodes
+    on land are right: there is no note unless some water is nearest to a gap at a node in water.
     """
     if not field.gap.any():
         return ()
@@ -173,9 +173,9 @@ def _distance_m(field: Field, points: FloatArray) -> float:
 _POINTS_PER_CELL = 4
 # Largest trial offset, degrees.
 _MAX_OFFSET_DEG = 1.5
-# But at least this number of cells: coarse ones may be larger than it.
+# Least value of the largest trial offset, cells: a coarse cell may be larger than 1.5 degrees.
 _MIN_OFFSET_CELLS = 2
-# And at most this number: the raster of a grid of fine cells would not fit in memory.
+# Largest trial offset, cells: a wider raster around fine cells would not fit in memory.
 _MAX_OFFSET_CELLS = 60
 # Number of trial offsets to each side.
 _TRIALS_PER_SIDE = 8
@@ -189,27 +189,13 @@ _WATER_SHARE = 0.05
 _MAX_STEP_VARIATION = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Shift:
-    """By how much a field was moved from its place: `east` and `north`, in degrees.
+def find_shift(field: Field, mask: LandMask) -> tuple[float, float, int, int] | None:
+    """Find by how much a field was moved from its place: where its gaps match the land best.
 
-    `land_cells` counts the cells of land to which such a move would bring data. `explained` counts
-    the cells among them that have data here, and lose the data when the move is undone.
+    Returns the move to east and to north, degrees; how many cells of land have data here and lose
+    them when the move is undone; and to how many cells of land such a move would bring data. None
+    where the field is in its place.
     """
-
-    east: float
-    north: float
-    explained: int
-    land_cells: int
-
-    @property
-    def share(self) -> float:
-        """Share of the land cells that the shift explains, up to 1."""
-        return self.explained / max(self.land_cells, 1)
-
-
-def find_shift(field: Field, mask: LandMask) -> Shift | None:
-    """Find the offset at which the field's gaps match the land best; None where it is in place."""
     window = _testable_window(field, mask)
     if window is None:
         return None
@@ -234,16 +220,20 @@ def find_shift(field: Field, mask: LandMask) -> Shift | None:
         return None
     east, north, explained, land_cells = best
     # The land matches at this offset, so the field itself was moved the other way.
-    return Shift(
-        east=-east / _POINTS_PER_CELL * field.cell_deg[0],
-        north=-north / _POINTS_PER_CELL * field.cell_deg[1],
-        explained=explained,
-        land_cells=land_cells,
+    return (
+        -east / _POINTS_PER_CELL * field.cell_deg[0],
+        -north / _POINTS_PER_CELL * field.cell_deg[1],
+        explained,
+        land_cells,
     )
 
 
 def _testable_window(field: Field, mask: LandMask) -> tuple[slice, slice, tuple[int, int]] | None:
-    """Return rows and columns with known land around, up to a reach (raster points east, north)."""
+    """Return the rows and columns that can be tested, and the reach of trial offsets there.
+
+    The reach is in raster points, to the east and to the north: up to it the land around these
+    cells is known. None where no cells can be tested.
+    """
     slices, reaches = [], []
     limits = (mask.bounds[0::2], mask.bounds[1::2])
     axes = zip((field.lon, field.lat), field.cell_deg, limits, strict=True)

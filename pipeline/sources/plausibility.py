@@ -10,9 +10,10 @@ for long. With one sign wrong, or with the components swapped, shear and strain 
 divergence, and divergence as shear and strain. So among the field as it is and its variants, the
 right one diverges least. The four combinations of derivatives come from Okubo (1970), the standard
 error from a delete-one jackknife over blocks (Efron and Stein 1981). Two wrong signs can't be
-detected, as they leave the size of the divergence unchanged. A quarter turn is never certain
-either, as waves and tides diverge more than they rotate; nor is a variant that diverges hardly
-less than a quarter turn. Nothing is judged where all water moves along one line, as in a strait.
+detected, as they leave the size of the divergence unchanged. A quarter turn (swapped, and one sign
+wrong) is never certain either, as waves and tides diverge more than they rotate. It is taken for
+the likeliest variant even if another one diverges a little less. Nothing is judged where all water
+moves along one line, as in a strait.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.lonlat import EARTH_RADIUS_M
+from pipeline.geo.projection import EARTH_RADIUS_M
 from pipeline.model import Note
 from pipeline.sources.current_field import Field, LandMask, find_shift
 
@@ -119,41 +120,33 @@ def assess_position(field: Field, mask: LandMask) -> Assessment:
     shift = find_shift(field, mask)
     if shift is None:
         return Assessment()
-    cells = float(np.hypot(shift.east / field.cell_deg[0], shift.north / field.cell_deg[1]))
+    east, north, explained, land_cells = shift
+    cells = float(np.hypot(east / field.cell_deg[0], north / field.cell_deg[1]))
 
     def exceeds(offset: float, count: int, share: float) -> bool:
-        return cells >= offset and shift.explained >= count and shift.share >= share
+        return cells >= offset and explained >= count and explained >= share * max(land_cells, 1)
 
     message = (
-        f"the field is shifted by {_offset(shift.east, 'east', 'west')} and "
-        f"{_offset(shift.north, 'north', 'south')}: {shift.explained} cells of dry land have data "
-        "that they would not have if it were moved back"
+        f"the field is shifted by {abs(east):.2f} degrees {'east' if east >= 0 else 'west'} and "
+        f"{abs(north):.2f} degrees {'north' if north >= 0 else 'south'}: {explained} cells of dry "
+        "land have data that they would not have if it were moved back"
     )
     if exceeds(*_SHIFT_FAULT):
         return Assessment((message,))
     return Assessment((), (f"perhaps {message}",)) if exceeds(*_SHIFT_WARNING) else Assessment()
 
 
-def _offset(degrees: float, positive: str, negative: str) -> str:
-    """Write an offset: "0.50 degrees west"."""
-    return f"{abs(degrees):.2f} degrees {positive if degrees >= 0 else negative}"
-
-
 def assess_directions(field: Field) -> Assessment:
     """Assess whether a component has the wrong sign, or the two are swapped."""
-    variant = likeliest_variant(field)
-    if (
-        variant is None
-        or variant.contrast < _MIN_CONTRAST
-        or variant.certainty < _WARNING_CERTAINTY
-    ):
+    name, contrast, certainty = likeliest_variant(field) or ("", 0.0, 0.0)
+    if contrast < _MIN_CONTRAST or certainty < _WARNING_CERTAINTY:
         return Assessment()
-    message = f"{variant.name}: corrected, the water would converge and diverge less"
-    if variant.name == ROTATED:
+    message = f"{name}: corrected, the water would converge and diverge less"
+    if name == ROTATED:
         waves = ", or it is waves and tides more than currents"
         return Assessment((), (f"perhaps {message}{waves}",))
-    message += f" (contrast {variant.contrast:.2f}, {variant.certainty:.0f} standard errors)"
-    if variant.certainty >= _FAULT_CERTAINTY:
+    message += f" (contrast {contrast:.2f}, {certainty:.0f} standard errors)"
+    if certainty >= _FAULT_CERTAINTY:
         return Assessment((message,))
     return Assessment((), (f"perhaps {message}",))
 
@@ -211,8 +204,22 @@ def assess_series(
             changed[label] = cells
     assessment = _at_times(speeds, labels)
     if first is not None and not assessment.faults:
-        assessment += assess_position(first, mask) + _at_most_times(directions)
-    return assessment + _assess_changed_gaps(changed, labels)
+        assessment += assess_position(first, mask)
+        # Water that is just turning may look as if it ran the wrong way: a doubt about directions
+        # counts if it arises at more than half of the times.
+        wrong = [doubt for doubt in directions if doubt.faults]
+        doubtful = [doubt for doubt in directions if doubt.warnings]
+        for doubts in (wrong, doubtful):
+            if 2 * len(doubts) > len(directions):
+                assessment += doubts[0]
+                break
+    changed_gaps = [
+        f"{cells} cells have data either at {label} or at {labels[0]}, not at both: its land and "
+        "its gaps must be the same at all times: fill them in time, as with xarray's "
+        "`interpolate_na`, and take cells that still have some out of all times"
+        for label, cells in changed.items()
+    ]
+    return assessment + Assessment(_first_few(changed_gaps))
 
 
 def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
@@ -227,62 +234,24 @@ def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
     return Assessment(_first_few(faults), _first_few(warnings))
 
 
-def _at_most_times(each: Sequence[Assessment]) -> Assessment:
-    """Return a doubt about the directions of fields, if it arises at more than half of the times.
-
-    Water that is just turning may look as if it ran the wrong way.
-    """
-    wrong = [assessment for assessment in each if assessment.faults]
-    doubtful = [assessment for assessment in each if assessment.warnings]
-    for some in (wrong, doubtful):
-        if 2 * len(some) > len(each):
-            return some[0]
-    return Assessment()
-
-
 def _first_few(messages: Sequence[str]) -> tuple[str, ...]:
     """Return the first messages, and how many more there are."""
     more = len(messages) - _MAX_TIMES
     return (*messages[:_MAX_TIMES], *([f"and so at {more} other times"] if more > 0 else []))
 
 
-def _assess_changed_gaps(changed: dict[str, int], labels: Sequence[str]) -> Assessment:
-    """Assess whether fields have data in the same cells; `changed`: time → cells that differ."""
-    faults = [
-        f"{cells} cells have data either at {label} or at {labels[0]}, not at both: its land and "
-        "its gaps must be the same at all times: fill them in time, as with xarray's "
-        "`interpolate_na`, and take cells that still have some out of all times"
-        for label, cells in changed.items()
-    ]
-    return Assessment(_first_few(faults))
-
-
 # Blocks per side that the grid is divided into for the standard error.
 _BLOCKS_PER_SIDE = 6
 # Least number of blocks with moving water: with fewer the standard error means nothing.
 _MIN_BLOCKS = 8
-# Multiple of a variant's divergence up to which a quarter turn's is hardly larger; real fields have
-# 1.5.
+# A quarter turn counts as the likeliest variant if its divergence is at most this multiple of the
+# least one; in real fields it is 1.5 times the least one.
 _TIE = 1.2
-# Share of squared speeds across the main direction up to which all water moves along one line; real
-# fields have 0.12.
+# Ratio of the squared speeds across and along the main direction up to which all water moves along
+# one line. Real fields have 0.12.
 _STRAIGHT_SHARE = 0.05
 # Least number of corners between four cells of moving water.
 _MIN_CORNERS = 40
-
-
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """A way in which the components may be mixed up, and how strongly the data say so.
-
-    `contrast` is (own - variant) / (own + variant) of the mean squared divergences, -1 to 1;
-    `certainty` is the contrast in its standard errors. Above 0 the variant diverges less than the
-    field as it is.
-    """
-
-    name: str
-    contrast: float
-    certainty: float
 
 
 FLIPPED = "one component has the wrong sign"
@@ -290,8 +259,13 @@ SWAPPED = "the components are swapped"
 ROTATED = "the components are swapped and one has the wrong sign"
 
 
-def likeliest_variant(field: Field) -> Variant | None:
-    """Return the variant that diverges least; None if the field itself does, or data are few."""
+def likeliest_variant(field: Field) -> tuple[str, float, float] | None:
+    """Return which mixing up of the components is likeliest, its contrast, and its certainty.
+
+    It is the variant that diverges least; None if that is the field itself, or if data are few. The
+    contrast is (own - variant) / (own + variant) of the squared divergences, -1 to 1. The certainty
+    is the contrast in its standard errors.
+    """
     own = _divergence(field, field.u, field.v) ** 2
     velocities = np.stack([field.u[~field.gap], field.v[~field.gap]])
     across, along = np.linalg.eigvalsh(velocities @ velocities.T)
@@ -314,20 +288,15 @@ def likeliest_variant(field: Field) -> Variant | None:
         name = ROTATED
     if sums[name].sum() >= own_sums.sum():
         return None
-    return _variant(name, own_sums, sums[name])
-
-
-def _variant(name: str, own: FloatArray, other: FloatArray) -> Variant | None:
-    """Return contrast and certainty from block sums (n,); None with too few moving blocks."""
-    used = own + other > 0
-    difference, total = (own - other)[used], (own + other)[used]
+    used = own_sums + sums[name] > 0
+    difference, total = (own_sums - sums[name])[used], (own_sums + sums[name])[used]
     count = len(total)
     if count < _MIN_BLOCKS:
         return None
     contrast = float(difference.sum() / total.sum())
     without_one = (difference.sum() - difference) / (total.sum() - total)
     error = np.sqrt((count - 1) / count * np.square(without_one - without_one.mean()).sum())
-    return Variant(name, contrast, contrast / max(float(error), 1e-9))
+    return name, contrast, contrast / max(float(error), 1e-9)
 
 
 def _divergence(field: Field, u: FloatArray, v: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """The one place that chooses an adapter for a source; embedded tables and still water are here.
 
-A new source is an adapter in this package, a spec in `pipeline.scenario.catalogue`, a
-branch below, and an entry in `catalog/sources`.
+A new source needs an adapter in this package, a spec in `pipeline.scenario.catalogue`, a branch
+below, and an entry in `catalog/sources`.
 """
 
 import csv
@@ -18,7 +18,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.errors import RequestError, StageError
-from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
+from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import NO_TIDE, CurrentSource, DepthRule, Issue, LandSource, TideRange
@@ -35,7 +35,7 @@ def charted_land(scenario: Scenario) -> LandSource:
     """Return all of a scenario's land sources as one, with the tide where it has one."""
     vessel, tide = scenario.vessel, NO_TIDE
     if scenario.tide is not None:
-        from pipeline.sources.tides.station import tide_range
+        from pipeline.sources.tide_stations import tide_range
 
         tide = tide_range(scenario.tide)
     draught_m = None if vessel.draught_m is None else vessel.draught_m + vessel.squat_m
@@ -43,7 +43,7 @@ def charted_land(scenario: Scenario) -> LandSource:
 
 
 def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_TIDE) -> LandSource:
-    """Return all of a chart's sources as one; with depths they need the draught, with squat."""
+    """Return all of a chart's sources as one; a chart with depths needs the draught, with squat."""
     from pipeline.sources.combined_charts import Overlay
 
     sources = tuple(_single_source(source, chart, draught_m, tide) for source in chart.source)
@@ -96,7 +96,7 @@ def _single_source(
     if is_s57:
         from pipeline.sources.land.s57 import S57Chart, find_cells
 
-        find_cells(path)  # refused before a missing draught is
+        find_cells(path)  # a folder without cells is refused before a missing draught
         return S57Chart(path, _depth_rule(chart, draught_m, tide))
     from pipeline.sources.land.vector import VectorFile
 
@@ -119,11 +119,11 @@ def current_source(named: Currents, members: MembersSpec | None = None) -> Curre
     If `members` are in the files, the source is their mean, and has them.
     """
     if isinstance(named, StreamConstants):
-        from pipeline.sources.cf.compound import TidalStreams
+        from pipeline.sources.cf.adapter import TidalStreams
 
         return TidalStreams.of(named)
     if not isinstance(named, str) and members is not None and members.along:
-        from pipeline.sources.cf.compound import CfMembers
+        from pipeline.sources.cf.adapter import CfMembers
 
         return CfMembers(named, members)
     if not isinstance(named, str):
@@ -144,13 +144,9 @@ def current_source(named: Currents, members: MembersSpec | None = None) -> Curre
     assert_never(spec)
 
 
-# Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.
-_STEP_TOLERANCE_DEG = 2e-4
-
-
 @dataclass(frozen=True)
 class EmbeddedTable(CurrentSource):
-    """A CSV table (season, lon, lat, u, v) whose points lie on one regular grid per season.
+    """A CSV table (season, lon, lat, u, v); the points of each season lie on one regular grid.
 
     Missing points are NaN: land, or water without data.
     """
@@ -162,24 +158,24 @@ class EmbeddedTable(CurrentSource):
         """The table's file."""
         return catalogue.table(self.spec.table).read_bytes()
 
-    def identity(self, season: Season) -> tuple[str, ...]:
-        """Return the hash of the table, and the season in it."""
+    def identity(self, case: Season) -> tuple[str, ...]:
+        """Return the hash of the table, and which part of it stands for the case."""
         digest = hashlib.sha256(self._bytes).hexdigest()
-        part = self.spec.season_for(season) or season.name
+        part = self.spec.season_for(case) or case.name
         return (self.spec.name, digest, part, self.spec.model_dump_json())
 
-    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+    def uncovered_reason(self, region: Polygon, case: Season) -> str:
         """Say how far the region reaches beyond the table's cells."""
-        part = self.spec.season_for(season)
-        if season.is_changing:
+        part = self.spec.season_for(case)
+        if case.is_changing:
             return (
-                f"{self.spec.name} has one field for a season, and season {season.name!r} has "
+                f"{self.spec.name} has one field for a season, and season {case.name!r} has "
                 "time_method = 'changing'; give a file with time steps in 'currents'"
             )
         if part is None:
             return (
-                f"{self.spec.name} has no season {season.name!r}: "
-                f"{near_miss(season.name, self.spec.seasons)}"
+                f"{self.spec.name} has no season {case.name!r}: "
+                f"{near_miss(case.name, self.spec.seasons)}"
             )
         lacking = sides_beyond(region.bounds, self._bounds(part))
         if not lacking:
@@ -189,80 +185,67 @@ class EmbeddedTable(CurrentSource):
             "another source in 'currents'"
         )
 
-    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
         """Return the part that the table's cells cover."""
-        part = self.spec.season_for(season)
+        part = self.spec.season_for(case)
         return None if part is None else common_bounds(region.bounds, self._bounds(part))
 
-    def issue(self, season: Season) -> Issue:
-        """Return the table's hash, and the last day of the season's part."""
-        part = self.spec.season_for(season)
+    def issue(self, case: Season) -> Issue:
+        """Return the table's hash, and the last day of the part that stands for the case."""
+        part = self.spec.season_for(case)
         digest = hashlib.sha256(self._bytes).hexdigest()
         if part is None:
             return Issue(None, None, None, digest)
         last = period(self.spec.seasons[part].valid.rpartition("/")[2]).begin
         return Issue(None, last, last, digest)
 
-    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
-        """Return the season's whole grid, as it is small."""
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
+        """Return the whole grid of the part that stands for the case, as it is small."""
         del folder
-        part = self.spec.season_for(season)
+        part = self.spec.season_for(case)
         if part is None:
-            raise StageError(self.uncovered_reason(region, season))
+            raise StageError(self.uncovered_reason(region, case))
         entry = self.spec.seasons[part]
         lon, lat, u, v = self._grid(part)
         credit = Credit(self.spec.title, "current", entry.credit, entry.licence, entry.url)
         mask = LandMask.of(land.polygons, region.bounds)
         notes = water_without_data(Field(lon, lat, u, v), mask, region)
-        return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
+        return CurrentGrid(case.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
 
     def _bounds(self, part: str) -> Bounds:
-        """Return the outer edges of the cells of one of the table's seasons."""
+        """Return the outer edges of the cells of a part of the table."""
         lon, lat, _, _ = self._grid(part)
         return cell_bounds(lon, lat, (float(lon[1] - lon[0]), float(lat[1] - lat[0])))
 
-    def _grid(self, season: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _grid(self, part: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""
-        points = self._points(season)
-        name = self.spec.table
-        if not len(points):
-            raise StageError(f"{name} has no rows for season {season!r}; correct the table")
-        lon, column = _axis(points[:, 0], f"{name}, {season}, lon")
-        lat, row = _axis(points[:, 1], f"{name}, {season}, lat")
+        lines = self._bytes.decode("utf-8").splitlines()
+        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+        points = np.array(
+            [
+                [float(row[key]) for key in ("lon", "lat", "u", "v")]
+                for row in rows
+                if row["season"] == part
+            ]
+        )
+        lon, column = _axis(points[:, 0])
+        lat, row = _axis(points[:, 1])
         u = np.full((lat.size, lon.size), np.nan)
         v = u.copy()
         u[row, column], v[row, column] = points[:, 2], points[:, 3]
-        if np.count_nonzero(np.isfinite(u)) != len(points):
-            raise StageError(f"{name}, {season}: a point comes twice; correct the table")
         return lon, lat, u, v
 
-    def _points(self, season: str) -> FloatArray:
-        """Return the season's rows (n, 4) of lon, lat, u, v."""
-        lines = self._bytes.decode("utf-8").splitlines()
-        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-        points = [
-            [float(row[key]) for key in ("lon", "lat", "u", "v")]
-            for row in rows
-            if row["season"] == season
-        ]
-        return np.array(points, dtype=float).reshape(-1, 4)
 
-
-def _axis(values: FloatArray, name: str) -> tuple[FloatArray, IndexArray]:
+def _axis(values: FloatArray) -> tuple[FloatArray, IndexArray]:
     """Return the regular axis through all values, and each value's index on it."""
     distinct = np.unique(values)
-    if distinct.size < 2:
-        raise StageError(f"{name}: only one value, no grid; correct the table")
     # A grid line without data leaves a wider gap, so the least gap is the step.
     step = float(np.diff(distinct).min())
     steps = np.rint((distinct - distinct[0]) / step).astype(np.intp)
     # The mean step, as the rounding to four decimals would add up over a long axis.
     step = float((distinct[-1] - distinct[0]) / steps[-1])
     axis = distinct[0] + step * np.arange(steps[-1] + 1)
-    index = np.rint((values - distinct[0]) / step).astype(np.intp)
-    if np.abs(axis[index] - values).max() > _STEP_TOLERANCE_DEG:
-        raise StageError(f"{name}: the values lie on no regular grid; correct the table")
-    return axis, index
+    return axis, np.rint((values - distinct[0]) / step).astype(np.intp)
 
 
 _CREDIT = "planned without currents, as in still water"
@@ -276,34 +259,34 @@ class StillWater(CurrentSource):
 
     spec: StillSpec
 
-    def identity(self, season: Season) -> tuple[str, ...]:
+    def identity(self, case: Season) -> tuple[str, ...]:
         """Return its name, as it never changes."""
-        del season
+        del case
         return (self.spec.name,)
 
-    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
         """Return all of the region's bounds."""
-        del season
+        del case
         west, south, east, north = region.bounds
         return west, south, east, north
 
-    def issue(self, season: Season) -> Issue:
+    def issue(self, case: Season) -> Issue:
         """Return an issue that never changes."""
-        del season
+        del case
         return Issue(None, None, None, self.spec.name)
 
-    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return zeros on a coarse grid over the region."""
         del land, folder
         west, south, east, north = region.bounds
         zeros = np.zeros((1, _NODES, _NODES))
         return CurrentGrid(
-            case=season.name,
+            case=case.name,
             lon=np.linspace(west, east, _NODES),
             lat=np.linspace(south, north, _NODES),
             u=zeros,
             v=zeros.copy(),
-            valid=season.valid or "any time",
+            valid=case.valid or "any time",
             credit=Credit(self.spec.title, "current", _CREDIT, licence=""),
             notes=(Note.of("still-water"),),
         )

@@ -16,7 +16,7 @@ from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_not
 from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.result import RunResult, addressed, unsafe_notes
 from pipeline.findings.way_names import way_names
-from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
+from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SimplifiedLand, Water

@@ -22,7 +22,7 @@ from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Note, Place, Say, Water, plan_options
 from pipeline.model.case import MIN_LATENESS_S, largest_stretch
 from pipeline.scenario.model import HavensSpec, Scenario
-from pipeline.sources.land.vector import HavenPoint, read_havens
+from pipeline.sources.land.vector import read_havens
 from renew.inputs.openings import with_always_shut
 
 
@@ -37,28 +37,27 @@ def havens_in(scenario: Scenario, water: Water) -> tuple[tuple[renew.Haven, ...]
     if scenario.havens is None:
         return (), ()
     found, left_out = list[renew.Haven](), list[Note]()
-    for one in read_havens(Path(scenario.havens.path)):
-        reason = _misplaced(scenario, water, one)
+    for name, place in read_havens(Path(scenario.havens.path)).items():
+        reason = _misplaced(scenario, water, place)
         if reason:
-            place = Place(one.lon, one.lat)
-            left_out.append(Note.of("haven-left-out", haven=one.name, place=place, reason=reason))
+            left_out.append(Note.of("haven-left-out", haven=name, place=place, reason=reason))
         else:
-            found.append(renew.Haven(one.name, water.projection.to_plane((one.lon, one.lat))))
+            found.append(renew.Haven(name, water.projection.to_plane((place.x, place.y))))
     if not found:
         names = [f"{dict(note.values)['haven']} {dict(note.values)['reason']}" for note in left_out]
         raise RequestError(f"havens.path: no haven can be used: {'; '.join(names)}")
     return tuple(found), tuple(left_out)
 
 
-def _misplaced(scenario: Scenario, water: Water, haven: HavenPoint) -> str:
+def _misplaced(scenario: Scenario, water: Water, place: Place) -> str:
     """Say why a haven does not lie in the water; "" if it does."""
-    area, here = scenario.area, shapely.Point(haven.lon, haven.lat)
+    area = scenario.area
     west, _, east, _ = area.bounds
-    turns = round((haven.lon - (west + east) / 2) / 360)
-    if not area.covers(shapely.Point(haven.lon - 360 * turns, haven.lat)):
+    turns = round((place.x - (west + east) / 2) / 360)
+    if not area.covers(shapely.Point(place.x - 360 * turns, place.y)):
         return "lies outside the region; widen the region, or leave it out"
     chart = water.chart
-    here = shapely.Point(water.projection.to_plane((haven.lon, haven.lat)))
+    here = shapely.Point(water.projection.to_plane((place.x, place.y)))
     if chart.water.covers(here):
         return ""
     line = shapely.get_coordinates(shapely.shortest_line(here, chart.water))

@@ -19,8 +19,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.findings.text import distance
-from pipeline.geo.lonlat import share_without
-from pipeline.geo.projection import densified
+from pipeline.geo.projection import densified, share_without
 from pipeline.model import (
     Case,
     CaseResult,

@@ -36,7 +36,7 @@ from pipeline.scenario.region import AvoidedArea, ChartSource, Plane
 from pipeline.scenario.season import Season
 from pipeline.sources.land.shapes import extract_polygons, in_plane, repaired
 from pipeline.sources.land.vector import VectorFile
-from pipeline.sources.tides.station import Station, refuse_far_water, stations_of, tide_zones
+from pipeline.sources.tide_stations import Station, refuse_far_water, stations_of, tide_zones
 from renew.errors import Strait
 
 # Distances beyond the nearest shore, true metres: the first whose position is still in water after

@@ -17,8 +17,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.geo.projection import Projection, rotated
+from pipeline.geo.projection import METRES_PER_DEGREE, Projection, rotated
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import (
     Case,
@@ -37,7 +36,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import MembersSpec, Season
 from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
-from pipeline.sources.tides.station import stations_of
+from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,

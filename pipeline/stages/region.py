@@ -14,8 +14,7 @@ from pipeline._types import FloatArray, Geometries
 from pipeline.errors import Faults, RequestError
 from pipeline.findings.note_words import MORE_CURRENTS
 from pipeline.findings.result import RunResult
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, Projection, bounds_of, common_bounds
 from pipeline.machine.store import DOWNLOADS, Store, artefact_key
 from pipeline.model import Note
 from pipeline.model.inputs import LandSource
@@ -310,7 +309,7 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     def mask_of(bounds: Bounds) -> LandMask:
         box = shapely.box(*bounds)
         if is_world:
-            return LandMask.of(osm.polygons_near("Osm", box, least_deg)[0].polygons, bounds)
+            return LandMask.of(osm.polygons_near("Osm", box, least_deg)[0][0], bounds)
         return LandMask.of(source.land(box).polygons, bounds)
 
     stops = tuple(scenario.stops.values())

@@ -22,8 +22,7 @@ import shapely
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
 from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened
-from pipeline.geo.lonlat import position_text
-from pipeline.geo.projection import MAX_EDGE_M, Projection
+from pipeline.geo.projection import MAX_EDGE_M, Projection, position_text
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import Land, Note, Place, SimplifiedLand, planner_vessel
 from pipeline.scenario.model import Scenario

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
+from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.sources.current_field import LandMask
 
 Cell = tuple[int, int]

@@ -27,7 +27,7 @@ from pipeline.voyage.readers import (
     speed_or_range,
     zoned_time,
 )
-from pipeline.voyage.table import Asker, Option, each, read, read_folder, spelling
+from pipeline.voyage.table import Asker, Option, each, read, read_folder
 
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import VesselSpec
@@ -335,7 +335,7 @@ def read_voyage(given: Mapping[str, Any], asker: Asker, known: Sequence[str] = (
     RequestError
         The message has a line for each fault, after those `known` before.
     """
-    return read(VoyageRequest, given, spelling(VoyageRequest, asker), faults_of_pairs, known)
+    return read(VoyageRequest, given, asker, faults_of_pairs, known)
 
 
 def faults_of_pairs(
@@ -449,7 +449,7 @@ def _faults_of_files(asked: SimpleNamespace, at: SimpleNamespace) -> Iterator[st
 def _faults_of_stations(stations: tuple[str, ...]) -> Iterator[str]:
     """Yield what is wrong in the files of stations of the tide."""
     from pipeline.scenario.model import TideSpec
-    from pipeline.sources.tides.station import stations_of
+    from pipeline.sources.tide_stations import stations_of
 
     try:
         stations_of(TideSpec(stations=stations))

@@ -20,8 +20,7 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, Projection
 from pipeline.model import Land
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.current_field import LandMask
@@ -176,7 +175,7 @@ def drawn(seed: int) -> DrawnWater:
         voyage = DirectLine.between(*ends)
 
         def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
-            return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
+            return LandMask.of(osm.OsmLand().land(shapely.box(*bounds)).polygons, bounds)
 
         bounds, leaves_out = choose_region(voyage, mask_of, _WORLD)
         water = DrawnWater(f"water {seed}", bounds, *ends, spec, leaves_out)

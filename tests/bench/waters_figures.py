@@ -23,7 +23,7 @@ from shapely.ops import substring
 
 import renew
 from pipeline._types import BoolArray, FloatArray
-from pipeline.geo.lonlat import bounds_of
+from pipeline.geo.projection import bounds_of
 from pipeline.sources.land import osm
 from pipeline.stages.water_grid import (
     FAR_WAY,

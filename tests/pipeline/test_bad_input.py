@@ -209,7 +209,7 @@ def test_start_on_land_says_how_far_and_where_water_is(
     assert found is not None
     away_km, lon, lat = (float(number) for number in found.groups())
     # The suggested place is water on the original chart, and a start from there is accepted.
-    land = shapely.union_all(osm.land(shapely.box(*ACROSS_BOX)).polygons)
+    land = shapely.union_all(osm.OsmLand().land(shapely.box(*ACROSS_BOX)).polygons)
     assert not land.intersects(shapely.Point(lon, lat))
     # On a sphere, with the latitude's cosine: not how the pipeline measures.
     degrees = land.boundary.distance(shapely.Point(118.70, 9.85))

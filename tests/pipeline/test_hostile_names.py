@@ -23,9 +23,9 @@ from pipeline.errors import PipelineError
 from pipeline.nightly.cases import read_pairs
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.cf.dataset import open_dataset
-from pipeline.sources.land.s57_cells import Objects
+from pipeline.sources.land.s57 import Objects
 from pipeline.sources.land.vector import read_havens
-from pipeline.sources.tides.station import read_station
+from pipeline.sources.tide_stations import read_station
 from tests.pipeline.nightly.nights import write_forecast
 from tests.pipeline.processes import renew
 from tests.pipeline.small_region import small_region
@@ -151,6 +151,7 @@ def sailed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     (folder / "scenario.toml").write_text(
         small_region("hostile")
         .replace("scale = 1000", "scale = 1")
+        .replace("[118.60, 10.30]", "[118.50, 10.20]")
         .replace(
             'vessel = "paper-asv"',
             f"title = {_toml(TRICKS[0])}\ndescription = {_toml(all_tricks)}\n",
@@ -222,7 +223,7 @@ def test_each_reader_cleans_what_it_reads(tmp_path: Path, trick: str) -> None:
     """Havens in GeoJSON and CSV, a chart's objects, a station in JSON and TOML, attributes."""
     found = list[str]()
     (tmp_path / "havens.geojson").write_text(_points((trick,), 118.0, 10.0))
-    found += [one.name for one in read_havens(tmp_path / "havens.geojson")]
+    found += list(read_havens(tmp_path / "havens.geojson"))
     objects = Objects(np.empty(1, dtype=object), {"OBJNAM": np.array([trick], dtype=object)})
     found += objects.texts("OBJNAM")
     rows = [{"name": n, "amplitude": 0.5, "phase": 10.0} for n in ("M2", "S2", "K1", "O1")]

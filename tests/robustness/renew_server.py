@@ -50,7 +50,7 @@ def load() -> None:
 
     keep_land_mask()
     LandMask.world()
-    osm.land(shapely.box(118.0, 9.0, 119.0, 10.0))
+    osm.OsmLand().land(shapely.box(118.0, 9.0, 119.0, 10.0))
 
 
 def outcome(command: dict[str, Any]) -> dict[str, object]:

@@ -65,7 +65,7 @@ from pipeline.formats.passage.waypoints import (
     within_180,
 )
 from pipeline.formats.records import manifest
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 
 # Layers of a case's group -> whether the leading case shows them at first.
 _CASE_LAYERS = {

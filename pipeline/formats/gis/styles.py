@@ -26,8 +26,7 @@ from pipeline.findings.text import xml_environment
 from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.figures.map_marks import speed_labels, speed_limits
 from pipeline.formats.gis.layers import LAYERS
-from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import METRES_PER_DEGREE, Projection, bounds_of
 from pipeline.texts import clean
 
 # Width, metres on paper or screen, at which a map opens.

@@ -40,7 +40,7 @@ from pipeline.formats.passage.waypoints import (
     waypoints,
     wrapped_longitude,
 )
-from pipeline.geo.lonlat import EARTH_RADIUS_M, METRES_PER_DEGREE
+from pipeline.geo.projection import EARTH_RADIUS_M, METRES_PER_DEGREE
 from pipeline.model import RouteMetrics, Water
 from renew.results import unite_soft_no_go
 

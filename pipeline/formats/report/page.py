@@ -41,7 +41,7 @@ from pipeline.formats.report.map_data import (
 )
 from pipeline.formats.report.sentences import CaseFacts
 from pipeline.formats.tables import haven_facts, haven_texts, tightest_text
-from pipeline.geo.lonlat import position_text
+from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
 from renew import Rejected
 

@@ -1,8 +1,11 @@
 """Currents from the user's own files: NetCDF or Zarr by the CF conventions, and GRIB.
 
-Only the region's part of the steps needed is read. Each field is checked (speeds, directions, gaps,
-position) in a wider window than the planner is given, as faults are easier to detect there. The
-fields are read one after the other, as all of them would not fit in memory.
+Only the steps that are needed are read, and only in the region. Each field is checked (speeds,
+directions, gaps, position) in a wider window than the planner is given, as faults are easier to
+detect there. The fields are read one after the other, as all of them would not fit in memory.
+
+Two kinds of current are made of several: the mean of a forecast's members (files, folders, or
+places along a dimension of them), and tidal streams by harmonic constants plus a residual current.
 """
 
 import hashlib
@@ -10,22 +13,24 @@ import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from shapely.geometry import Polygon
 
-from pipeline._types import BoolArray
+from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import MARGIN_CELLS, Bounds, widened
+from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
-from pipeline.model import Credit, CurrentGrid, Land, Note
+from pipeline.model import Credit, CurrentGrid, Land, MemberGrid, Note
 from pipeline.model.inputs import CurrentSource, Issue
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import CYCLES, FILES, STILL, MembersSpec, Season, StreamConstants
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
-from pipeline.sources.cf.dataset import is_zarr
+from pipeline.sources.cf.dataset import fatal_files, is_zarr, open_dataset
 from pipeline.sources.cf.fields import (
     FieldReader,
     SelectedSteps,
@@ -37,6 +42,7 @@ from pipeline.sources.cf.fields import (
     weak_cells,
 )
 from pipeline.sources.current_field import Field, LandMask, water_without_data
+from pipeline.sources.interpolation import bilinear
 from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
     Assessment,
@@ -44,6 +50,7 @@ from pipeline.sources.plausibility import (
     count_misplaced,
     dilated,
 )
+from renew.vary.members import FEWEST, QUANTILES
 
 # Half the size of the window, in cells, in which a file is checked around the region's middle.
 _CHECK_CELLS = 240
@@ -62,50 +69,51 @@ _ZARR_METADATA = {"zarr.json", ".zgroup", ".zarray", ".zattrs", ".zmetadata"}
 class CfFiles(CurrentSource):
     """Files that belong together, given by paths and patterns.
 
-    They have the fields of time steps, or harmonic constants; `with_mean` adds the mean of these.
-    Of a further dimension, only one `index` is read: its name, and the place along it.
+    They have the fields of time steps, or harmonic constants; `with_mean` adds the mean that the
+    file of constants has. `index` is the name of a further dimension, and the only place along it
+    that is read.
     """
 
     paths: tuple[str, ...]
     with_mean: bool = True
     index: tuple[str, int] | None = None
 
-    def identity(self, season: Season) -> tuple[str, ...]:
-        """Return hashes of the files that contain the season's steps; "nothing" without any."""
+    def identity(self, case: Season) -> tuple[str, ...]:
+        """Return hashes of the files that contain the case's steps; "nothing" without any."""
         try:
-            contents, selected = self._selected(season)
+            contents, selected = self._selected(case)
         except (RequestError, ValueError):
             return ("nothing", *self.paths)
         hashes = (digest for _, digest in _file_hashes(contents, selected))
-        about = f"{season.period.begin}" if season.is_changing else season.resolved_time_method
+        about = f"{case.period.begin}" if case.is_changing else case.resolved_time_method
         mean = f"{self.with_mean}" if contents.constituents else ""
         at = "" if self.index is None else "{} {}".format(*self.index)
-        return ("cf", *hashes, season.valid, about, selected.valid, mean + at)
+        return ("cf", *hashes, case.valid, about, selected.valid, mean + at)
 
-    def uncovered_reason(self, region: Polygon, season: Season) -> str:
-        """Say why the files can't give the season's current; empty when they can."""
+    def uncovered_reason(self, region: Polygon, case: Season) -> str:
+        """Say why the files can't give the case's current; empty when they can."""
         try:
             contents = self.contents()
         except RequestError as error:
             return "; ".join(error.faults)
         faults = coverage_faults(contents, region.bounds)
         try:
-            steps_of_season(contents, season)
+            steps_of_season(contents, case)
         except ValueError as error:
             faults.append(str(error))
         return f"{name_of(contents.files)}: {'; '.join(faults)}" if faults else ""
 
-    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
         """Return the part that the files' grid covers."""
-        del season
+        del case
         try:
             return covered_bounds(self.contents(), region.bounds)
         except RequestError:
             return None
 
-    def issue(self, season: Season) -> Issue:
+    def issue(self, case: Season) -> Issue:
         """Return the files' reference time, their first and last time step, and their hash."""
-        del season
+        del case
         contents = self.contents()
         moments = contents.steps.moments
         hashes = "".join(_hash(file, _stamp(file)) for file in contents.files)
@@ -116,20 +124,20 @@ class CfFiles(CurrentSource):
             hashlib.sha256(hashes.encode()).hexdigest(),
         )
 
-    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the region's part, checked against the land of the world in a wider window."""
         del land, folder
         try:
-            contents, selected = self._selected(season)
+            contents, selected = self._selected(case)
         except ValueError as error:
             raise RequestError(f"{name_of(find_files(self.paths))}: {error}") from None
         lon_deg, lat_deg = contents.largest_cell
         bounds = widened(region.bounds, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
         if contents.constituents:
-            selected = stream_steps(contents, season, bounds, with_mean=self.with_mean)
+            selected = stream_steps(contents, case, bounds, with_mean=self.with_mean)
         field, notes = read_checked_fields(contents, selected, bounds, region)
         current = CurrentGrid(
-            case=season.name,
+            case=case.name,
             lon=field.lon,
             lat=field.lat,
             u=field.u,
@@ -140,15 +148,15 @@ class CfFiles(CurrentSource):
             credit=_credit(contents),
             notes=(*contents.notes, *selected.notes, *notes),
             files=_file_hashes(contents, selected),
-            climatology_for=season.valid if selected.is_climatology else "",
+            climatology_for=case.valid if selected.is_climatology else "",
         )
         # Only a climatology is noted here: which sources were passed over is not known yet.
         return replace(current, notes=(*current.notes, *current.stand_in_notes))
 
-    def _selected(self, season: Season) -> tuple[Contents, SelectedSteps]:
-        """Read the files' contents, and select the steps of the season's fields."""
+    def _selected(self, case: Season) -> tuple[Contents, SelectedSteps]:
+        """Read the files' contents, and select the steps of the case's fields."""
         contents = self.contents()
-        return contents, steps_of_season(contents, season, with_mean=self.with_mean)
+        return contents, steps_of_season(contents, case, with_mean=self.with_mean)
 
     def contents(self) -> Contents:
         """Read the files' contents, again only when the files have changed."""
@@ -240,11 +248,11 @@ _SPEED_LIMIT_M_S = 10.0
 # Share of the region's open water without data above which a file is refused; smaller gaps are
 # filled from the water around.
 _GAP_FAULT_SHARE = 0.2
-# If at least this share of the cells far inland has data, a shift of the field can't be detected.
+# Share of the cells far inland with data above which a shift of the field can't be detected.
 _FILLED_LAND_SHARE = 0.5
-# Zeros mean "no data" where at least this share of land is zero,
+# Zeros mean "no data" if at least this share of the land is zero.
 _MIN_ZERO_LAND_SHARE = 0.9
-# and at most this share of water.
+# Zeros don't mean "no data" if more than this share of the open water is zero.
 _MAX_ZERO_WATER_SHARE = 0.01
 
 
@@ -262,6 +270,9 @@ def read_checked_fields(
     """
     name = name_of(contents.files)
     window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
+    inside_x = (window.lon >= bounds[0]) & (window.lon <= bounds[2])
+    inside_y = (window.lat >= bounds[1]) & (window.lat <= bounds[3])
+    lon, lat = window.lon[inside_x], window.lat[inside_y]
     mask = LandMask.world()
     kept: list[Field] = []
     try:
@@ -274,7 +285,8 @@ def read_checked_fields(
             def fields() -> Iterator[Field]:
                 others = (_without(wide, zeros) for wide in reader.fields(selected.weights[1:]))
                 for wide in itertools.chain([first], others):
-                    kept.append(_cropped(wide, bounds))
+                    part = np.ix_(inside_y, inside_x)
+                    kept.append(Field(lon, lat, wide.u[part], wide.v[part]))
                     yield wide
 
             assessment = assess_series(fields(), selected.labels, mask, _SPEED_LIMIT_M_S)
@@ -292,15 +304,7 @@ def read_checked_fields(
         *water_without_data(first, mask, region),
         *assessment.doubts(name),
     )
-    return Field(kept[0].lon, kept[0].lat, u, v), notes
-
-
-def _cropped(field: Field, bounds: Bounds) -> Field:
-    """Return the part of a field inside bounds."""
-    west, south, east, north = bounds
-    x = (field.lon >= west) & (field.lon <= east)
-    y = (field.lat >= south) & (field.lat <= north)
-    return Field(field.lon[x], field.lat[y], field.u[np.ix_(y, x)], field.v[np.ix_(y, x)])
+    return Field(lon, lat, u, v), notes
 
 
 def _zeros_on_land(
@@ -342,3 +346,301 @@ def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
         return Assessment((), warnings)
     message = f"{share:.0%} of the region's open water has no data, which is too much to fill"
     return Assessment((message,), warnings)
+
+
+# Least number of members that have a mean.
+_LEAST = 2
+# Largest number of members that are read.
+_MOST = 200
+
+
+@dataclass(frozen=True)
+class CfMembers(CurrentSource):
+    """Files whose fields are members; the case's current is their mean."""
+
+    paths: tuple[str, ...]
+    spec: MembersSpec
+
+    def identity(self, case: Season) -> tuple[str, ...]:
+        """Return what each member depends on, and the weights."""
+        try:
+            members = self._members()
+        except RequestError:
+            return ("nothing", *self.paths)
+        each = [part for _, source in members for part in source.identity(case)]
+        return ("members", self.spec.along, str(self.spec.weights), *each)
+
+    def uncovered_reason(self, region: Polygon, case: Season) -> str:
+        """Say why the first member can't be used, or why there are no members."""
+        try:
+            return self._members()[0][1].uncovered_reason(region, case)
+        except RequestError as error:
+            return "; ".join(error.faults)
+
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
+        """Return the part that the first member covers."""
+        try:
+            return self._members()[0][1].covered_bounds(region, case)
+        except RequestError:
+            return None
+
+    def issue(self, case: Season) -> Issue:
+        """Return the first member's issue, with the hashes of all."""
+        issues = [source.issue(case) for _, source in self._members()]
+        return replace(issues[0], digest="".join(issue.digest for issue in issues))
+
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
+        """Read each member, checked like any current, and take their mean.
+
+        A member that is refused, or on other nodes or at other times than the first one that can be
+        used, is left out, and a note names it. If the members are forecasts in folders, the newest
+        must be usable, and is enough.
+        """
+        used: list[tuple[str, CurrentGrid, float]] = []
+        reasons: list[str] = []
+        members = self._members()
+        for (name, source), weight in zip(members, self._weights(len(members)), strict=True):
+            try:
+                grid = source.current(region, case, land, folder)
+            except RequestError as error:
+                if self._are_cycles and not used:
+                    raise
+                reasons.append(f"{name}: {'; '.join(str(error).splitlines())}")
+                continue
+            if used and (differs := _difference(grid, used[0][1])):
+                reasons.append(f"{name} has {differs} than {used[0][0]}")
+                continue
+            used.append((name, grid, weight))
+        left_out = [Note.of("member-left-out", reason=reason) for reason in reasons]
+        choose = self.spec.choose
+        needed, whose = (1 if self._are_cycles else _LEAST), "an ensemble has"
+        if choose in QUANTILES:
+            needed, whose = FEWEST, f"members.choose = {choose!r} needs"
+        if len(used) < needed:
+            few = f"{len(used)} of {len(members)} members can be used, and {whose} {needed}"
+            remedy = "or choose by the mean" if choose in QUANTILES else "or leave 'members' out"
+            raise RequestError("; ".join([*reasons, f"{few}; give more, {remedy}"]))
+        if len(used) == 1:
+            return replace(used[0][1], notes=(*used[0][1].notes, *left_out))
+        weights = np.array([weight for *_, weight in used])
+        if (weights > 0).sum() < _LEAST:
+            raise RequestError("members.weights leave less than two members; raise them")
+        weights /= weights.sum()
+        first = used[0][1]
+        notes = dict.fromkeys(note for _, grid, _ in used for note in grid.notes)
+        return replace(
+            first,
+            u=_mean([grid.u for _, grid, _ in used], weights),
+            v=_mean([grid.v for _, grid, _ in used], weights),
+            members=tuple(
+                MemberGrid(name, grid.u, grid.v, float(weight))
+                for (name, grid, _), weight in zip(used, weights, strict=True)
+            ),
+            files=tuple(dict.fromkeys(file for _, grid, _ in used for file in grid.files)),
+            notes=(*notes, *left_out),
+        )
+
+    def _members(self) -> list[tuple[str, CfFiles]]:
+        """Return each member's name and source; RequestError where there are too few or many."""
+        files = find_files(self.paths)
+        if self.spec.along == FILES:
+            names = [file.stem for file in files]
+            if len(set(names)) < len(names):
+                names = [file.name for file in files]
+            members = [
+                (name, CfFiles((str(file),))) for name, file in zip(names, files, strict=True)
+            ]
+            what = f"{len(members)} file{'s' * (len(members) != 1)}"
+        elif self._are_cycles:
+            folders = sorted({file.parent for file in files}, key=lambda folder: folder.name)[::-1]
+            if len({folder.name for folder in folders}) < len(folders):
+                raise RequestError(
+                    "members.along = 'cycles' needs folders of different names, one a forecast: "
+                    f"{', '.join(folder.name for folder in folders)}"
+                )
+            members = [
+                (folder.name, CfFiles(tuple(str(file) for file in files if file.parent == folder)))
+                for folder in folders
+            ]
+            what = f"{len(members)} folder{'s' * (len(members) != 1)}"
+        else:
+            along = self.spec.along
+            size = _size_along(files, along)
+            each = [(f"{along} {at}", (along, at)) for at in range(size)]
+            members = [(name, CfFiles(self.paths, index=index)) for name, index in each]
+            what = f"{size} along {along}"
+        least = 1 if self._are_cycles else _LEAST
+        if not least <= len(members) <= _MOST:
+            raise RequestError(f"members: {what}; there must be {least} to {_MOST}")
+        return members
+
+    @property
+    def _are_cycles(self) -> bool:
+        """Whether the members are forecasts in folders, the newest first."""
+        return self.spec.along == CYCLES
+
+    def _weights(self, count: int) -> Sequence[float]:
+        """Return a weight for each member; RequestError for another number of weights."""
+        if not self.spec.weights:
+            return [1.0] * count
+        if len(self.spec.weights) != count:
+            raise RequestError(
+                f"members.weights has {len(self.spec.weights)} numbers for {count} members; give "
+                "one for each, or leave them out"
+            )
+        return self.spec.weights
+
+
+def _size_along(files: Sequence[Path], along: str) -> int:
+    """Return the number of members along a dimension of the first file."""
+    if fatal := fatal_files(files[:1]):
+        raise RequestError(f"{files[0].name}: {fatal[files[0]]}")
+    try:
+        with open_dataset(files[0]) as dataset:
+            if along in dataset.sizes:
+                return int(dataset.sizes[along])
+            there = ", ".join(map(str, dataset.sizes))
+    except ValueError as error:
+        raise RequestError(f"{files[0].name}: {error}") from None
+    raise RequestError(
+        f"{files[0].name} has no dimension {along!r} for members.along; it has {there}"
+    )
+
+
+def _difference(grid: CurrentGrid, first: CurrentGrid) -> str:
+    """Say in what a member differs from the first one, so that they have no mean; or ""."""
+    for name, what in (("lon", "other longitudes"), ("lat", "other latitudes")):
+        if not np.array_equal(getattr(grid, name), getattr(first, name)):
+            return what
+    if not np.array_equal(grid.times_s, first.times_s):
+        return "other times"
+    return "" if grid.valid == first.valid else f"another time ({grid.valid}, not {first.valid})"
+
+
+def _mean(parts: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
+    """Return the mean (nt, ny, nx) of a component over the members; NaN where any has none."""
+    return np.asarray(np.tensordot(weights, np.array(parts), axes=1))
+
+
+# Least time between a residual's steps: closer ones show the tide, which would count twice.
+_LEAST_STEP = timedelta(hours=12)
+
+
+@dataclass(frozen=True)
+class TidalStreams(CfFiles):
+    """Tidal streams of a file of harmonic constants, plus its mean, another current, or nothing."""
+
+    residual: CfFiles | None = None
+
+    @classmethod
+    def of(cls, named: StreamConstants) -> Self:
+        """Return the source that a scenario names."""
+        given = named.residual
+        files = None if given is None or given == STILL else CfFiles(tuple(given))
+        return cls((named.constants,), with_mean=given is None, residual=files)
+
+    def identity(self, case: Season) -> tuple[str, ...]:
+        """Return the hashes of the constants, and those of the residual."""
+        own = super().identity(case)
+        if self.residual is None:
+            return own
+        steady = self.residual.identity(_at_departure(case))
+        return (*own, *self.residual.identity(case), *steady)
+
+    def uncovered_reason(self, region: Polygon, case: Season) -> str:
+        """Say why constants and residual can't give the case's current; empty when they can."""
+        reasons = [super().uncovered_reason(region, case)]
+        try:
+            contents = self.contents()
+            if not contents.constituents:
+                lacking = "it has no harmonic constants (u_re, u_im, v_re, v_im)"
+                remedy = "fit them with `renew tide fit`, or name the file itself in 'currents'"
+                reasons = [f"{name_of(contents.files)}: {lacking}; {remedy}"]
+            if self.residual is not None:
+                reasons.append(_residual_fault(self.residual, region, case))
+        except RequestError as error:
+            reasons += error.faults
+        return "; ".join(dict.fromkeys(filter(None, reasons)))
+
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
+        """Return the part that both the constants and the residual cover."""
+        own = super().covered_bounds(region, case)
+        if self.residual is None or own is None:
+            return own
+        other = self.residual.covered_bounds(region, case)
+        return None if other is None else common_bounds(own, other)
+
+    def issue(self, case: Season) -> Issue:
+        """Return the issue of the residual, which is what changes, with both hashes."""
+        own = super().issue(case)
+        if self.residual is None:
+            return own
+        other = self.residual.issue(case)
+        return replace(other, digest=f"{own.digest}{other.digest}")
+
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
+        """Return the sum of both on the constants' grid, at the times of the streams' fields."""
+        streams = super().current(region, case, land, folder)
+        if self.residual is None:
+            return streams
+        if self.residual.uncovered_reason(region, case):
+            case = _at_departure(case)
+        return _sum(streams, self.residual.current(region, case, land, folder))
+
+
+def _at_departure(case: Season) -> Season:
+    """Return the case with the one field that is nearest to its departure."""
+    valid = f"{case.first_departure:%Y-%m-%dT%H:%MZ}"
+    return case.model_copy(update={"time_method": None, "valid": valid})
+
+
+def _residual_fault(residual: CfFiles, region: Polygon, case: Season) -> str:
+    """Say why files can't be a residual; empty when they can."""
+    contents = residual.contents()
+    name = f"residual {name_of(contents.files)}"
+    if contents.constituents:
+        return f"{name}: it has harmonic constants itself; give a current without tide"
+    step = contents.steps.interval
+    if step < _LEAST_STEP and "current-without-tide" not in {note.kind for note in contents.notes}:
+        return (
+            f"{name}: its steps are {step / timedelta(hours=1):g} hours apart and show the tide, "
+            f"which would count twice; give daily means, residual = '{STILL}', or leave it out for "
+            "the mean of the constants' file"
+        )
+    reason = residual.uncovered_reason(region, case)
+    return reason and residual.uncovered_reason(region, _at_departure(case))
+
+
+def _sum(streams: CurrentGrid, residual: CurrentGrid) -> CurrentGrid:
+    """Add a residual, which is linear in time, to streams; the sum ends where the residual ends."""
+    lonlat = np.stack(np.meshgrid(streams.lon, streams.lat), axis=-1)
+    times = streams.times_s
+    if residual.changes:
+        times = times[: max(2, int(np.searchsorted(times, residual.times_s[-1], side="right")))]
+    u, v = streams.u[: times.size].copy(), streams.v[: times.size].copy()
+    # Each field of the residual has a weight in the time between the fields before and after it.
+    for step, at_step in enumerate(np.eye(len(residual.times_s))):
+        weight = np.interp(times, residual.times_s, at_step)
+        flow = bilinear(residual, lonlat, step)
+        for number in np.flatnonzero(weight):
+            u[number] += weight[number] * flow[..., 0]
+            v[number] += weight[number] * flow[..., 1]
+    told = Note.of("streams-on-residual", source=residual.credit.name, valid=residual.valid)
+    return replace(
+        streams,
+        u=u,
+        v=v,
+        times_s=times,
+        credit=_both(streams.credit, residual.credit),
+        notes=tuple(dict.fromkeys(itertools.chain(streams.notes, [told], residual.notes))),
+        files=tuple(dict.fromkeys((*streams.files, *residual.files))),
+    )
+
+
+def _both(main: Credit, other: Credit) -> Credit:
+    """Return the credit of two sources that are used together."""
+    texts, licences = (
+        "; ".join(dict.fromkeys(filter(None, pair)))
+        for pair in ((main.text, other.text), (main.licence, other.licence))
+    )
+    return replace(main, text=texts, licence=licences)

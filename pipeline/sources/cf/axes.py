@@ -44,7 +44,7 @@ _MAX_DEPTH_M = 20.0
 _METRES = ("m", "meter", "meters", "metre", "metres", "dbar", "decibar")
 # Units of levels that are numbers, or shares of the depth.
 _NUMBERS = ("", "1", "level", "levels", "layer", "sigma_level")
-# Beginnings of the standard names of levels that are counted upwards.
+# Beginnings of the standard names of levels whose values grow upwards.
 _UPWARD = ("ocean_", "height", "altitude")
 SWAP = "make its coordinate the axis, if it has one, as with xarray's `swap_dims({'x': 'lon'})`"
 """The remedy where an axis may have its values under another name."""
@@ -97,7 +97,7 @@ def grid_fault(dataset: "xr.Dataset", array: "xr.DataArray") -> str:
 
 
 def surface_level(dataset: "xr.Dataset", dim: str) -> tuple[int, list[Note]]:
-    """Return the index of the uppermost level, and notes; ValueError where none can be told."""
+    """Return the index of the uppermost level, and notes; ValueError if it can't be told."""
     attributes, levels = {}, np.arange(dataset.sizes.get(dim, 1), dtype=float)
     if dim in dataset.variables:
         attributes = dataset[dim].attrs
@@ -131,7 +131,7 @@ def surface_level(dataset: "xr.Dataset", dim: str) -> tuple[int, list[Note]]:
 
 
 def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, FloatArray | None]":
-    """Return the time coordinate and its bounds (n, 2); neither for a single step without time."""
+    """Return the time coordinate and its bounds (n, 2); None twice for one step without a time."""
     if dim not in dataset.variables:
         if dataset.sizes[dim] == 1:
             return None, None
@@ -155,7 +155,10 @@ def _bounds(dataset: "xr.Dataset", dim: str, size: int) -> FloatArray | None:
 
 
 def coordinate_axis(dataset: "xr.Dataset", dim: str, period: float = 0.0) -> FloatArray:
-    """Return a monotonic axis in degrees, unwrapped where it has a period; else ValueError."""
+    """Return an axis in degrees, which ascends or descends; ValueError if it is none.
+
+    An axis with a period is unwrapped: its values may go on beyond 360 degrees.
+    """
     if dim not in dataset.variables:
         raise ValueError(f"{dim} has no values; {SWAP}, or add the coordinate")
     values = coordinate_values(dataset, dim)
@@ -212,8 +215,8 @@ def is_same_axis(own: FloatArray, other: FloatArray) -> bool:
 
 # Time that a field stands for if it is the only one in its file.
 _SINGLE_STEP = timedelta(days=1)
-# A step may be longer than the median step by this factor: a month has up to 31 days, the median
-# month 30.4.
+# Factor by which a step may be longer than the median step: a month has up to 31 days, the median
+# step of months 30.4.
 _LONG_STEP = 1.04
 # Calendars with the days of the real one.
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
@@ -234,8 +237,8 @@ _UNITS = re.compile(
 )
 _UTC = ("utc", "gmt", "ut", "etc/utc", "utc+0", "+00:00", "z", "zulu", "none", "")
 ZONES = ("time_zone", "timezone", "tz")
-"""Attributes that hold a zone."""
-# Words of any attribute for another clock.
+"""Attributes that hold a time zone."""
+# Words in any attribute that name another clock than UTC.
 _OTHER_CLOCK = re.compile(
     r"(?i:\b(local|ship'?s?) (\w+ )?time|\b(UTC|GMT) ?[+-] ?0?[1-9])|"
     r"\b([AECMPHJKL]|AE|AC|AW|NZ)[SD]T\b|\bCES?T\b"
@@ -252,9 +255,9 @@ class TimeSteps:
     """The steps of a file: their valid times (UTC, ascending), or a climatology's months.
 
     A file that gives no time has one step, with neither a time nor a month. `labels` are the steps
-    as text, `width` is the length of a step, if the file says it. `by` quotes what in the file says
-    that the steps are means; it is "point" for instants, and "" where the file says neither.
-    `notes` say how the moments were read.
+    as text, `width` is the length of a step, if the file says it. If the file says that the steps
+    are means, `by` quotes its words; it is "point" for instants, and "" where the file says
+    neither. `notes` say how the moments were read.
     """
 
     moments: tuple[datetime, ...] = ()

@@ -1,7 +1,7 @@
 """Contents of the user's files of currents, by the CF conventions: components, axes, units, times.
 
-No values of the currents are read here. Faults are collected and reported together, each with the
-thing that was found and the thing that is needed.
+No values of the currents are read here. Faults are collected and reported together, each with what
+was found and what is needed.
 """
 
 import contextlib
@@ -74,7 +74,8 @@ def read_component(
 ) -> Component:
     """Return a component of a file; ValueError where something is wrong with it.
 
-    `along` is a dimension that takes the place of the time; `index` is the place along another one.
+    `along` is the dimension that is read in place of a time. `index` names a further dimension, and
+    the place along it.
     """
     array = dataset[name]
     check_values(array)
@@ -193,18 +194,18 @@ _VARIABLE_NAMES = (
 )
 # Attributes that say what a variable is.
 _SAYING = ("standard_name", "long_name", "description", "short_name", "GRIB_name", "var_desc")
-# Words in them of what is no velocity.
+# Words in these attributes that mean something else than a velocity.
 _NO_VELOCITY = r"\b(standard (deviation|error)|variance|uncertaint|(volume|mass) transport)"
-# Words of what is no water, unless water is named too.
+# Words that mean wind, air or ice, unless water is named too.
 _NO_WATER = r"\b(wind|gust|air|ice|stress|atmospher)"
 _WATER = r"\b(water|current)"
-# Words of waves, which are no current unless in a sum.
+# Words that mean waves, which are no current unless they are part of a sum.
 _WAVES = r"\b(wave|stokes|swell)"
 _SUM = r"(\b[uv]tot|\btot_|_tot|total|sum\b|includ|plus\b)|\+"
-# Words of what a reader should be told.
+# Words that are quoted to the reader.
 _TOLD = rf"(?i){_NO_WATER}|{_WAVES}|{_SUM}|tid(e|al)|bottom|floor|averag|barotrop|anomal|ekman"
 _WITHOUT = re.compile(r"\b(without|no|not|excluding)\b[^,;()]*")
-# Words of water that moves, or of part of it.
+# Words that mean moving water, or a part of its motion.
 _MOVES = rf"velocity|current|drift|tide|stokes|{_SUM}"
 _Variable: TypeAlias = tuple[str, str]
 _Pair: TypeAlias = tuple[_Variable, _Variable]
@@ -327,7 +328,8 @@ def _contents(
 def _find_pair(datasets: "Sequence[xr.Dataset]") -> tuple[_Pair, tuple[Note, ...]]:
     """Find the two components, (standard name, name) each, with notes; ValueError without a pair.
 
-    Of several pairs a total is taken, or else the first by its standard name, or by its name.
+    Of several pairs a total is taken; if there is none, the first in the order of the standard
+    names above, and then of the names.
     """
     said = {
         (str(array.attrs.get("standard_name", "")), str(name)): tuple(
@@ -378,7 +380,7 @@ def _is_other(said: str) -> bool:
 def _notes(
     pair: _Pair, said: Mapping[_Variable, Sequence[str]], also: Sequence[_Variable]
 ) -> Iterator[Note]:
-    """Note what decided for a pair, what it is called, and what kind of current it is."""
+    """Note why a pair was taken, what the file calls it, and what kind of current it is."""
     (standard, u), (_, v) = pair
     called = "; ".join(said[pair[0]][bool(standard) :])
     why = {

@@ -1,7 +1,7 @@
 """Open the user's files of currents: NetCDF, Zarr, GRIB; report damage in one line, limit sizes.
 
-The libraries below raise errors of many kinds about damaged files, and read any size that a file
-declares. So they are called only here or inside `reading`, and sizes are checked before.
+Libraries raise errors of many kinds about damaged files, and read any size that a file declares. So
+they are called only in this module or inside `reading`, after a check of the sizes.
 
 On a damaged NetCDF 4 file HDF5 may hang, or crash. So such a file is first opened in a process of
 its own: if that crashes or exceeds its limit, the file is damaged. A GRIB file is read whole there,
@@ -34,8 +34,8 @@ from pipeline.texts import acts, clean
 if TYPE_CHECKING:
     import xarray as xr
 
-# Number of bytes at the beginning of a file in which the first message of GRIB begins: a bulletin's
-# header may come before it.
+# Number of bytes within which the first message of a GRIB file begins: a bulletin's header may come
+# before it.
 _HEADER_BYTES = 100
 # First bytes of a NetCDF 4 file.
 _HDF5 = b"\x89HDF"
@@ -115,7 +115,7 @@ def open_dataset(path: Path) -> "xr.Dataset":
             known = signature(xr.open_dataset).parameters.keys()
             fast: dict[str, Any] = dict.fromkeys({"create_default_indexes"} & known, False)
             dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False, **fast)
-            # Of many files xarray keeps some open: what is read of each is read while it is.
+            # Of many open files xarray closes some again: small variables are loaded before that.
             for variable in dataset.variables.values():
                 if variable.ndim < 2 and variable.size <= _MAX_VALUES:
                     variable.load()
@@ -215,8 +215,8 @@ _found: dict[tuple[Path, int, int], str] = {}
 def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
     """Return the NetCDF 4 and GRIB files on which the library fails, each with its failure.
 
-    On a NetCDF 4 file it hangs or crashes. Files that were not opened before are opened in one
-    process, as its start takes longest.
+    On a NetCDF 4 file it hangs or crashes. All files are opened in one process, as its start takes
+    longest, and each version of a file only once.
     """
     versions = {
         file: (file, file.stat().st_size, file.stat().st_mtime_ns)
@@ -244,26 +244,21 @@ def _fatal(files: tuple[Path, ...]) -> Iterator[tuple[Path, str]]:
                 worker.call(probe, file, _FILE_CPU_S + values_s)
                 fault = worker.result(_FILE_S + 4 * values_s)
             except WorkerEndedError as ended:
-                fault = _fatal_end(file, ended.exit_code)
+                end = "hangs"
+                if ended.exit_code is not None and Signals(-ended.exit_code).name != "SIGXCPU":
+                    end = f"ends by {Signals(-ended.exit_code).name}"
+                library = "ecCodes" if is_grib(file) else "the HDF5 library"
+                fault = f"it is damaged: {library} {end} on it; fetch it again"
             if fault:
                 yield file, fault
 
 
 def _load_libraries() -> None:
-    """Import in a process what opens files there."""
+    """Import the libraries that open files in the process of their own."""
     import h5py
     import netCDF4
 
     del h5py, netCDF4
-
-
-def _fatal_end(file: Path, exit_code: int | None) -> str:
-    """Return how the library ended the process that opened a file."""
-    end = "hangs"
-    if exit_code is not None and Signals(-exit_code).name != "SIGXCPU":
-        end = f"ends by {Signals(-exit_code).name}"
-    library = "ecCodes" if is_grib(file) else "the HDF5 library"
-    return f"it is damaged: {library} {end} on it; fetch it again"
 
 
 def probe(file: Path, cpu_s: float) -> str:

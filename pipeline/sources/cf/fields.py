@@ -1,8 +1,8 @@
-"""The fields of a season: which steps of the files make them up, with which weights; reading them.
+"""The fields of a case: which steps of the files make them up, with which weights; reading them.
 
 Only a window is read. It is cut out of each step before the steps are summed, some megabytes at a
-time. The fields of tidal streams are sums of harmonic constants; here is the time between them, and
-where the constants are weak.
+time. The fields of tidal streams are sums of harmonic constants. How far apart in time these fields
+are is decided here, and so is where the constants are too weak to rely on.
 """
 
 import calendar
@@ -19,7 +19,7 @@ import numpy as np
 
 import renew
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond, widened
+from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond, widened
 from pipeline.model import Note
 from pipeline.scenario.season import Period, Season, TimeMethod
 from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
@@ -39,7 +39,7 @@ _MAX_FAULTS = 3
 
 @dataclass(frozen=True, slots=True)
 class SelectedSteps:
-    """A season's fields: each is a weighted sum of steps, whose weights are given by index.
+    """A case's fields: each is a weighted sum of steps, whose weights are given by index.
 
     Weights of time steps sum to 1; those of harmonic constants are factors of their real and
     imaginary parts. `valid` is the time that the fields stand for. `times_s` are seconds since
@@ -61,12 +61,12 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 def steps_of_season(
     contents: Contents,
-    season: Season,
+    case: Season,
     step: timedelta = LONGEST_STEP,
     *,
     with_mean: bool = True,
 ) -> SelectedSteps:
-    """Select the steps of files, or the harmonic constants, that make up a season's fields.
+    """Select the steps of files, or the harmonic constants, that make up a case's fields.
 
     `step` is the time between fields that are computed from harmonic constants, at its whole
     multiples in UTC; `with_mean` says whether they include the constants' mean, if there is one.
@@ -77,10 +77,10 @@ def steps_of_season(
         There are no steps, or some are missing during the voyage.
     """
     if contents.constituents:
-        return _of_constants(contents, season, step, with_mean=with_mean)
-    if season.is_changing:
-        return select_all_steps(contents.steps, season.period, contents.u)
-    return select_steps(contents.steps, season.period, season.resolved_time_method)
+        return _of_constants(contents, case, step, with_mean=with_mean)
+    if case.is_changing:
+        return select_all_steps(contents.steps, case.period, contents.u)
+    return select_steps(contents.steps, case.period, case.resolved_time_method)
 
 
 def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSteps:
@@ -177,19 +177,19 @@ def _linear(steps: TimeSteps, moment: datetime) -> SelectedSteps:
 
 
 def _of_constants(
-    contents: Contents, season: Season, step: timedelta, *, with_mean: bool
+    contents: Contents, case: Season, step: timedelta, *, with_mean: bool
 ) -> SelectedSteps:
-    """Return fields from an hour before a period, for a vessel that is early, to its end.
+    """Return fields from an hour before a period, as a vessel may be early, to the period's end.
 
     Linear interpolation between fields damps a constituent by sinc² of half its change of phase in
     a step. The fields are divided by this factor, so that no error adds up on the way.
     """
-    if not season.is_changing:
+    if not case.is_changing:
         raise ValueError(
             "it has harmonic constants, which need a clock: give the season time_method = "
             "'changing' and a 'departure', as --depart does"
         )
-    period, names = season.period, contents.constituents
+    period, names = case.period, contents.constituents
     first = math.floor((period.begin - LONGEST_STEP - _EPOCH) / step)
     last = math.ceil((period.end - _EPOCH) / step)
     moments = [_EPOCH + number * step for number in range(first, last + 1)]
@@ -428,7 +428,7 @@ class FieldReader:
         series: Sequence[StepInFile],
         weights: Sequence[Mapping[int, float]],
     ) -> FloatArray:
-        """Return a component's sums (n, ny, nx), m/s, for n weightings that name the same steps."""
+        """Return a component's sums (n, ny, nx), m/s, for n sets of weights of the same steps."""
         total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
         for steps, values in self.blocks(series, weights[0]):
             shares = [[share_of[step] for step in steps] for share_of in weights]
@@ -482,7 +482,7 @@ WEAK_SHARE = 0.7
 """Share of the variance below which the constants of a node count as unreliable."""
 # Largest difference between the streams and straight lines in time between their fields, m/s.
 _ERROR_M_S = 0.03
-# Times between fields, minutes: parts of an hour, so that the hours of other currents are kept.
+# Times between fields, minutes: each divides an hour, so that every full hour has a field.
 _STEPS_MIN = (60, 30, 20, 15, 12, 10, 6, 5)
 # Number of values in all fields together above which a longer time between them is taken: 160 MB a
 # component.
@@ -492,9 +492,9 @@ _OLD_YEARS = 5.0
 
 
 def stream_steps(
-    contents: Contents, season: Season, bounds: Bounds, *, with_mean: bool
+    contents: Contents, case: Season, bounds: Bounds, *, with_mean: bool
 ) -> SelectedSteps:
-    """Return the fields of a season inside bounds, with notes on them.
+    """Return the fields of a case inside bounds, with notes on them.
 
     Raises
     ------
@@ -502,8 +502,8 @@ def stream_steps(
         The file is damaged.
     """
     window = find_window(contents.lon, contents.lat, bounds)
-    step, error_m_s = _time_step(contents, window, season)
-    selected = steps_of_season(contents, season, step, with_mean=with_mean)
+    step, error_m_s = _time_step(contents, window, case)
+    selected = steps_of_season(contents, case, step, with_mean=with_mean)
     notes = [
         Note.of(
             "tidal-streams",
@@ -512,12 +512,12 @@ def stream_steps(
             error_m_s=error_m_s,
             has_mean=contents.has_mean and with_mean,
         ),
-        *_age_notes(contents, season.period.begin),
+        *_age_notes(contents, case.period.begin),
     ]
     return replace(selected, notes=tuple(notes))
 
 
-def _time_step(contents: Contents, window: Window, season: Season) -> tuple[timedelta, float]:
+def _time_step(contents: Contents, window: Window, case: Season) -> tuple[timedelta, float]:
     """Return the time between fields, and the largest error of interpolation between them, m/s.
 
     A constituent of amplitude A is too large by A (ω h)² / 12 in its fields, which
@@ -532,12 +532,12 @@ def _time_step(contents: Contents, window: Window, season: Season) -> tuple[time
                 sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
                 peaks[row, steps] = sizes.max(axis=(1, 2), initial=0.0)
     amplitudes = np.sqrt((peaks[:, : 2 * count] ** 2).reshape(2, 2, count).sum(axis=(0, 1)))
-    at = np.array([season.period.begin.replace(tzinfo=None)], "datetime64[us]")
+    at = np.array([case.period.begin.replace(tzinfo=None)], "datetime64[us]")
     factors, _ = arguments(names, at)
     turns_h = np.radians(speeds(names))
     bend = float((factors[:, 0] * amplitudes * turns_h**2).sum()) / 12  # m/s for an hour's step
 
-    hours = (season.period.end - season.period.begin + LONGEST_STEP) / timedelta(hours=1)
+    hours = (case.period.end - case.period.begin + LONGEST_STEP) / timedelta(hours=1)
     nodes = window.lon.size * window.lat.size
     fitting = [
         minutes

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 _EAST = "eastward"
 _NORTH = "northward"
-# Components by their parameter in edition 1, whose tables from version 128 on are a centre's own,
-# and by discipline, category and number in edition 2.
+# Components by their parameter: a number in edition 1, whose tables from version 128 on are a
+# centre's own; discipline, category and number in edition 2.
 _PARAMETERS: Mapping[tuple[int, ...], str] = {
     (49,): _EAST,
     (50,): _NORTH,
@@ -60,10 +60,11 @@ _Axis = tuple[float, float, int]
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A grid: its kind, and the first and last value (degrees) and the number of both axes' nodes.
+    """A grid: its kind; of each axis the first and the last node (degrees), and how many there are.
 
     `steps_deg` are the steps that the file states for longitude and latitude; 0 where it does not.
-    Values run along longitudes first, unless `by_column`, and `snakes` if each line turns round.
+    Values run along longitudes first, or along latitudes if `by_column`. If the grid `snakes`, each
+    line runs the other way than the line before.
     """
 
     kind: str
@@ -81,7 +82,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class GribField:
-    """A component at one time: where it lies in its file, and what it says of itself.
+    """A component at one time: where it lies in its file, and what its message states.
 
     `part` counts the fields of the message that begins at the byte `offset`. Times are seconds
     since 1970: `time` is that of the values, or the end of the period that begins at `begin`.
@@ -172,7 +173,7 @@ def check_values(path: Path) -> None:
 
 
 def _get(handle: int, key: str, kind: type, default: Any = None) -> Any:  # noqa: ANN401 - untyped
-    """Return the value of a key, or the default, if there is one, where the key does not exist."""
+    """Return the value of a key; where there is no such key the default, if one is given."""
     import eccodes
 
     try:

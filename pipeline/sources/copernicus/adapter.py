@@ -25,7 +25,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.geo.lonlat import (
+from pipeline.geo.projection import (
     MARGIN_CELLS,
     Bounds,
     cell_bounds,
@@ -42,12 +42,14 @@ from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.cf.fields import SelectedSteps, Window, find_window, read_window
 from pipeline.sources.copernicus.client import LOGIN, around_missing, has_account
 from pipeline.sources.copernicus.download import (
-    CachedDownload,
     SubsetRequest,
+    cached_metadata,
     download,
     label_format,
     last_step,
+    save,
     select,
+    staging_folder,
     step_ends,
 )
 from pipeline.sources.current_field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
@@ -63,23 +65,23 @@ class Copernicus(CurrentSource):
 
     spec: CopernicusSpec
 
-    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Whether the season's file is not in the cache."""
-        asked = self.asked(region, season)
-        return self._fresh_metadata(asked, self.cached_download(asked, season, folder)) is None
+    def needs_network(self, region: Polygon, case: Season, folder: Path) -> bool:
+        """Whether the case's file is not in the cache."""
+        asked = self.asked(region, case)
+        return self._fresh_metadata(asked, self.cached_file(asked, case, folder)) is None
 
-    def identity(self, season: Season) -> tuple[str, ...]:
+    def identity(self, case: Season) -> tuple[str, ...]:
         """Return dataset, version and time; and today's date while the data may still change."""
         now = datetime.now(UTC)
         try:
-            is_settled = self._is_settled(self._select(season)[0], now)
+            is_settled = self._is_settled(self._select(case)[0], now)
         except ValueError:
             is_settled = True  # there are no data, as `uncovered_reason` says
         return (
             self.spec.name,
             self.spec.model_dump_json(),
-            _asked_time(season),
-            season.resolved_time_method,
+            _asked_time(case),
+            case.resolved_time_method,
             "" if is_settled else now.date().isoformat(),
         )
 
@@ -89,7 +91,7 @@ class Copernicus(CurrentSource):
             return ""
         return f"{self.spec.name} needs a free Copernicus Marine account: set {LOGIN} once"
 
-    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+    def uncovered_reason(self, region: Polygon, case: Season) -> str:
         """Say which part of the region or of the time lies outside the dataset."""
         spec = self.spec
         remedy = "name another source in 'currents'"
@@ -106,32 +108,32 @@ class Copernicus(CurrentSource):
                 f"{west:g} to {east:g}; move the region or {remedy}"
             )
         try:
-            steps, _ = self._select(season)
+            steps, _ = self._select(case)
         except ValueError as error:
-            return f"{spec.name}, asked for {_asked_time(season)}, {error}; {remedy}"
-        if not self._may_cover(steps, changes=season.is_changing):
-            return f"{spec.name} covers {spec.covers}, not {_asked_time(season)}; {remedy}"
+            return f"{spec.name}, asked for {_asked_time(case)}, {error}; {remedy}"
+        if not self._may_cover(steps, changes=case.is_changing):
+            return f"{spec.name} covers {spec.covers}, not {_asked_time(case)}; {remedy}"
         return ""
 
-    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
         """Return the part between the dataset's southern and northern limit."""
-        del season
+        del case
         west, south, east, north = region.bounds
         lowest, highest = self.spec.latitudes
         return common_bounds((west, south, east, north), (west, lowest, east, highest))
 
-    def issue(self, season: Season) -> Issue:
-        """Ask for the dataset's last step; a forecast is of use for `days_ahead` before it."""
-        del season
+    def issue(self, case: Season) -> Issue:
+        """Ask for the dataset's last step; the first of use is `days_ahead` days before it."""
+        del case
         last, version_label = last_step(self.spec)
         first = last - timedelta(days=self.spec.days_ahead)
         digest = hashlib.sha256(f"{self.spec.dataset} {version_label} {last}".encode()).hexdigest()
         return Issue(None, first, last, digest)
 
-    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the file from the cache, or download, check and cache it."""
-        asked = self.asked(region, season)
-        cached = self.cached_download(asked, season, folder)
+        asked = self.asked(region, case)
+        cached = self.cached_file(asked, case, folder)
 
         def check(file: Path, metadata: Mapping[str, Any]) -> Accepted:
             return accept(file, _obtained(asked, metadata), metadata["missing_boxes"], land)
@@ -140,30 +142,37 @@ class Copernicus(CurrentSource):
         if metadata is not None:
             # A file from the cache may fail checks that were added since: it is downloaded again.
             with contextlib.suppress(StageError):
-                accepted = check(cached.file, metadata)
+                accepted = check(cached, metadata)
         if accepted is None or metadata is None:
-            with cached.staging_folder() as staging:
-                staged = staging / cached.file.name
+            with staging_folder(folder) as staging:
+                staged = staging / cached.name
 
                 def check_answer(answer: dict[str, Any]) -> tuple[Accepted, dict[str, Any]]:
                     metadata = self._metadata(asked, answer)
                     return check(staged, metadata), metadata
 
                 accepted, metadata = download(asked, staged, check_answer)
-                metadata = cached.save(staged, metadata)
+                metadata = save(staged, cached, metadata)
         field, notes = accepted
         obtained = _obtained(asked, metadata)
         if obtained.changes and self.spec.kind == "mean" and self.spec.step in {"day", "month"}:
             # Steps so long can't show the tide.
             notes = (Note.of("steps-are-means", step=self.spec.step), *notes)
+        labels, moments = obtained.steps.labels, obtained.steps.moments
+        # A single step's own time may only be near the one asked for.
+        valid = case.valid if len(labels) > 1 else labels[0]
+        if obtained.changes:
+            valid = f"{moments[0]:%Y-%m-%dT%H:%MZ}/{moments[-1]:%Y-%m-%dT%H:%MZ}"
+        elif self.spec.kind == "climatology":
+            valid = f"month {labels[0]} of the mean year"
         return CurrentGrid(
-            case=season.name,
+            case=case.name,
             lon=field.lon,
             lat=field.lat,
             u=field.u,
             v=field.v,
             times_s=np.array(obtained.selected.times_s),
-            valid=self._valid(season, obtained),
+            valid=valid,
             credit=Credit(
                 name=f"{self.spec.product}, {self.spec.dataset} {metadata['version']}",
                 kind="current",
@@ -173,24 +182,24 @@ class Copernicus(CurrentSource):
                 retrieved=metadata["retrieved_utc"],
             ),
             notes=notes,
-            files=((cached.file.name, metadata["sha256"]),),
+            files=((cached.name, metadata["sha256"]),),
         )
 
-    def asked(self, region: Polygon, season: Season) -> SubsetRequest:
-        """Return the request for a season; ValueError where the dataset can't have its steps."""
-        return SubsetRequest(self.spec, region, *self._select(season))
+    def asked(self, region: Polygon, case: Season) -> SubsetRequest:
+        """Return the request for a case; ValueError where the dataset can't have its steps."""
+        return SubsetRequest(self.spec, region, *self._select(case))
 
-    def cached_download(self, asked: SubsetRequest, season: Season, folder: Path) -> CachedDownload:
-        """Return the place of the season's file in the cache."""
+    def cached_file(self, asked: SubsetRequest, case: Season, folder: Path) -> Path:
+        """Return the path of the case's file in the cache, whether it is there or not."""
         labels = asked.steps.labels
-        valid = season.valid.replace(":", "") or f"{labels[0]}_{labels[-1]}"
+        valid = case.valid.replace(":", "") or f"{labels[0]}_{labels[-1]}"
         fingerprint = hashlib.sha256(json.dumps(asked.record).encode()).hexdigest()[:12]
-        return CachedDownload(folder / f"{self.spec.dataset}_{valid}_{fingerprint}.nc")
+        return folder / f"{self.spec.dataset}_{valid}_{fingerprint}.nc"
 
-    def _select(self, season: Season) -> tuple[TimeSteps, SelectedSteps]:
-        """Select the time steps of the season's fields; ValueError where there can be none."""
-        method = "changing" if season.is_changing else season.resolved_time_method
-        return select(self.spec, season.period, method)
+    def _select(self, case: Season) -> tuple[TimeSteps, SelectedSteps]:
+        """Select the time steps of the case's fields; ValueError where there can be none."""
+        method = "changing" if case.is_changing else case.resolved_time_method
+        return select(self.spec, case.period, method)
 
     def _may_cover(self, steps: TimeSteps, *, changes: bool) -> bool:
         """Whether the dataset may have the steps; if in doubt, the service is asked."""
@@ -200,7 +209,8 @@ class Copernicus(CurrentSource):
         last = today + timedelta(days=self.spec.days_ahead + 1)
         first = datetime.fromisoformat(self.spec.first_day).replace(tzinfo=UTC)
         begin, _ = step_ends(self.spec, steps.moments[0])
-        # Where the current changes, the steps around the departure will do for a short voyage.
+        # A current that changes must have the steps around the departure; a short voyage needs no
+        # more.
         end = step_ends(self.spec, steps.moments[0 if changes else -1])[1]
         return first <= begin and end <= last
 
@@ -211,11 +221,9 @@ class Copernicus(CurrentSource):
         _, end = step_ends(self.spec, steps.moments[-1])
         return moment >= end + timedelta(days=self.spec.settles_after_days)
 
-    def _fresh_metadata(
-        self, asked: SubsetRequest, cached: CachedDownload
-    ) -> dict[str, Any] | None:
+    def _fresh_metadata(self, asked: SubsetRequest, cached: Path) -> dict[str, Any] | None:
         """Return the sidecar of a cached file that is valid and not out of date; else None."""
-        metadata = cached.metadata(asked.record)
+        metadata = cached_metadata(cached, asked.record)
         if metadata is None:
             return None
         retrieved = datetime.fromisoformat(metadata["retrieved_utc"])
@@ -223,7 +231,7 @@ class Copernicus(CurrentSource):
         return metadata if is_of_today or self._is_settled(asked.steps, retrieved) else None
 
     def _metadata(self, asked: SubsetRequest, answer: dict[str, Any]) -> dict[str, Any]:
-        """Return the content and origin of a file; no credentials."""
+        """Return what a file's sidecar says: its content and origin, but no credentials."""
         return {
             "source": self.spec.name,
             "product": self.spec.product,
@@ -238,26 +246,17 @@ class Copernicus(CurrentSource):
             "missing_boxes": answer["missing_boxes"],
         }
 
-    def _valid(self, season: Season, obtained: SubsetRequest) -> str:
-        """Return the time that the fields are valid for, which may be near the one asked for."""
-        labels, moments = obtained.steps.labels, obtained.steps.moments
-        if obtained.changes:
-            return f"{moments[0]:%Y-%m-%dT%H:%MZ}/{moments[-1]:%Y-%m-%dT%H:%MZ}"
-        if self.spec.kind == "climatology":
-            return f"month {labels[0]} of the mean year"
-        return season.valid if len(labels) > 1 else labels[0]
-
 
 def _obtained(asked: SubsetRequest, metadata: Mapping[str, Any]) -> SubsetRequest:
-    """Return what a file has of what was asked for, by its sidecar."""
+    """Return the part of a request that a file has, by its sidecar."""
     return asked.until(datetime.fromisoformat(metadata["stamps_utc"][-1]))
 
 
-def _asked_time(season: Season) -> str:
-    """Spell the time that a season asks for: of its one field, or from its departure on."""
-    if not season.is_changing:
-        return season.valid
-    ends = (f"{end:%Y-%m-%dT%H:%MZ}" for end in (season.period.begin, season.period.end))
+def _asked_time(case: Season) -> str:
+    """Spell the time that a case asks for: of its one field, or from its departure on."""
+    if not case.is_changing:
+        return case.valid
+    ends = (f"{end:%Y-%m-%dT%H:%MZ}" for end in (case.period.begin, case.period.end))
     return "/".join(dict.fromkeys(ends))
 
 
@@ -269,12 +268,14 @@ _STANDARD_NAMES = {
 # Deviation of an axis's steps from the cell size, as a share of it, that rounding to float32 may
 # cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
-# A cell is damaged, as by a flipped bit, if it differs from all its neighbours by more than this
-# speed and more than this multiple of the differences among them, or by more than this share of the
-# speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree)
-# none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
+# A cell is a spike, as by a flipped bit, if it differs from all its neighbours by more than this
+# speed, and by more than _SPIKE_RATIO times the differences among them. None of 1.7 million cells
+# of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree) is above both 0.2 m/s and 3 times.
 _SPIKE_M_S = 0.3
+# Multiple of the differences among the neighbours, see above.
 _SPIKE_RATIO = 4.0
+# Share of the speed limit by which a spike differs from all its neighbours whatever these are; no
+# cell of the real fields differs by 0.6 m/s.
 _SPIKE_SHARE = 0.25
 # Least number of neighbours with data that a cell is compared with.
 _MIN_NEIGHBOURS = 5
@@ -354,16 +355,19 @@ def _read(dataset: "xr.Dataset", asked: SubsetRequest) -> tuple[list[str], Field
     if not (window.lon.size and window.lat.size):
         return ["it has no data in the region"], None
     faults, u, v = _read_fields(dataset, asked, window)
-    faults += _extent_faults(window, asked)
+    cell_deg = asked.spec.cell_deg
+    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
+    if lacking := sides_beyond(asked.region.bounds, cells):
+        faults.append(f"it has no data {' nor '.join(lacking)}")
     return faults, Field(window.lon, window.lat, u, v)
 
 
 def _read_fields(
     dataset: "xr.Dataset", asked: SubsetRequest, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
-    """Return both components of the fields (nt, ny, nx), and the first faulty step's faults.
+    """Return the first faulty step's faults, and both components of the fields (nt, ny, nx).
 
-    Step by step, so that a month of hours need not fit in memory where its mean is the field.
+    Steps are read one by one: a month of hours need not fit in memory if its mean is the field.
     """
     shape = (window.lat.size, window.lon.size)
     weights, labels = asked.selected.weights, asked.steps.labels
@@ -477,14 +481,6 @@ def _depth_faults(dataset: "xr.Dataset") -> list[str]:
     return []
 
 
-def _extent_faults(window: Window, asked: SubsetRequest) -> list[str]:
-    """Find sides of the region that the cells don't cover."""
-    cell_deg = asked.spec.cell_deg
-    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
-    lacking = sides_beyond(asked.region.bounds, cells)
-    return [f"it has no data {' nor '.join(lacking)}"] if lacking else []
-
-
 def _gap_faults(field: Field, mask: LandMask) -> list[str]:
     """Find gaps in open water, and data far inland."""
     messages = (
@@ -512,11 +508,11 @@ def _missing_chunk_faults(
     cell = asked.spec.cell_deg
     missing = np.zeros(field.u.shape, dtype=bool)
     for west, south, east, north in boxes:
-        # Counted eastward from the box's west edge, as both may be whole turns apart.
+        # Eastward from the box's west edge: the field may lie whole turns away from the box.
         column = (field.lon - west + cell / 2) % 360 <= east - west + cell
         row = (field.lat >= south - cell / 2) & (field.lat <= north + cell / 2)
         missing |= row[:, None] & column[None, :]
-    # Further out the field is not used, and the land is not known.
+    # Beyond one cell around the region the field is not used, and the land is not known.
     west, south, east, north = widened(asked.region.bounds, cell, cell)
     column = (field.lon > west) & (field.lon < east)
     row = (field.lat > south) & (field.lat < north)

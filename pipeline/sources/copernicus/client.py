@@ -47,7 +47,7 @@ def credentials_file() -> Path:
 def without_secrets(text: str) -> str:
     """Replace in a text all credentials that are known here, and any in an address."""
     secrets = _secrets()
-    # As they are, and as an address or a form encodes them.
+    # A message may quote them unchanged, or as an address or a form encodes them.
     encoded = {encode(secret) for secret in secrets for encode in (str, quote, quote_plus)}
     for secret in sorted(encoded, key=len, reverse=True):
         text = text.replace(secret, _HIDDEN)
@@ -61,7 +61,7 @@ def _secrets() -> set[str]:
         stored = base64.standard_b64decode(credentials_file().read_bytes()).decode("utf-8")
     except (OSError, binascii.Error, UnicodeDecodeError):
         stored = ""
-    # As configparser reads it; in a damaged file, every line.
+    # The file is read as configparser reads it; in a damaged one, every line is taken for a secret.
     for line in stored.splitlines():
         name, _, value = line.replace(":", "=", 1).partition("=")
         secrets.add(value.strip() if value else name.strip("[] "))
@@ -162,7 +162,7 @@ def answer_request(request: dict[str, Any]) -> dict[str, object] | None:
 
 def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | None:
     """Look up the steps, download them, and return the release and the missing chunks."""
-    # Imported here: it takes seconds, and the parent imports this module for its exit code.
+    # Imported here: it takes seconds, and the parent process imports this module, too.
     import copernicusmarine
 
     arguments = request.get("subset", request)

@@ -15,21 +15,20 @@ counts as absent.
 
 import contextlib
 import json
-import os
-import secrets
 import shutil
 import signal
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 from shapely.geometry import Polygon
 
 from pipeline.errors import StageError, one_line
-from pipeline.geo.lonlat import MARGIN_CELLS, widened
+from pipeline.geo.projection import MARGIN_CELLS, widened
 from pipeline.machine.files import write_whole
 from pipeline.machine.store import file_hash
 from pipeline.machine.workers import WorkerEndedError, call_in_process
@@ -127,7 +126,10 @@ class SubsetRequest:
         return len(self.selected.weights) > 1
 
     def until(self, last: datetime) -> "SubsetRequest":
-        """Leave out the steps that begin after a moment, where each is a field of its own."""
+        """Return the request without the steps that begin after a moment.
+
+        If all steps together make up one field, it stays as it is.
+        """
         if not self.changes:
             return self
         begins = [step_ends(self.spec, moment)[0] for moment in self.steps.moments]
@@ -203,12 +205,8 @@ _TRY_LATER = "try again later, or name another source in 'currents'"
 _MAX_MESSAGE_LENGTH = 400
 
 
-@dataclass(frozen=True, slots=True)
-class _Failure:
-    """Why an attempt failed, and whether another one is useless."""
-
-    reason: str
-    is_permanent: bool
+_Failure: TypeAlias = tuple[str, bool]
+"""Why an attempt failed, and whether another one is useless."""
 
 
 def download(
@@ -243,14 +241,15 @@ def download(
         # The client does not overwrite a file: it writes beside it.
         file.unlink(missing_ok=True)
         answer = _attempt(request, spec.deadline_s)
-        if not isinstance(answer, _Failure):
+        if isinstance(answer, dict):
             try:
                 return accept(answer)
             except StageError as error:
-                answer = _Failure(f"{error}; {_TRY_LATER}", is_permanent=False)
-        if answer.is_permanent or attempt == spec.attempts:
+                answer = (f"{error}; {_TRY_LATER}", False)
+        reason, is_permanent = answer
+        if is_permanent or attempt == spec.attempts:
             attempts = f" ({attempt} attempts)" if attempt > 1 else ""
-            raise StageError(f"{spec.name}: {answer.reason}{attempts}")
+            raise StageError(f"{spec.name}: {reason}{attempts}")
         time.sleep(pause)
         pause, attempt = pause * _PAUSE_GROWTH, attempt + 1
 
@@ -269,8 +268,8 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
         "variables": [spec.eastward],
     }
     answer = _attempt(request, min(spec.deadline_s, _LOOK_S))
-    if isinstance(answer, _Failure):
-        raise StageError(f"{spec.name}: {answer.reason}")
+    if not isinstance(answer, dict):
+        raise StageError(f"{spec.name}: {answer[0]}")
     return datetime.fromisoformat(answer["last_step"]), str(answer["version"])
 
 
@@ -281,43 +280,35 @@ def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | 
             answer_request, dict(request), limit_s=deadline_s
         )
     except WorkerEndedError as ended:
-        return _ended(ended)
+        return _ended(ended), False
     except Exception as error:  # noqa: BLE001 - of the client or of its libraries
-        return _Failure(f"the client failed: {_presentable(one_line(error))}", is_permanent=False)
+        return f"the client failed: {_presentable(one_line(error))}", False
     if answer is None:
         reason = "the client gave up without a reason, as it does where it finds no credentials"
-        return _Failure(f"{reason}; set {LOGIN}", is_permanent=True)
-    return _explained(**answer) if "error" in answer else answer
+        return f"{reason}; set {LOGIN}", True
+    if "error" not in answer:
+        return answer
+    name = answer["error"]
+    remedy = {**_PERMANENT_ERRORS, **_TEMPORARY_ERRORS}.get(name, _TRY_LATER)
+    said = _presentable(f"{name}: {answer['said']}").rstrip(": .")
+    return f"the client failed: {said}; {remedy}", name in _PERMANENT_ERRORS
 
 
-def _ended(ended: WorkerEndedError) -> _Failure:
-    """Return why there is no answer of a process that has ended."""
-    message = _presentable(_last_message(ended.stderr))
+def _ended(ended: WorkerEndedError) -> str:
+    """Say why there is no answer of a process that has ended."""
+    lines = (line.strip() for line in reversed(ended.stderr.splitlines()))
+    last_line = next((line for line in lines if line and not line.startswith("INFO ")), "")
+    message = _presentable(last_line)
     if ended.exit_code is None:
         last = f" (last message: {message})" if message else ""
-        reason = f"no answer within {ended.limit_s:g} s{last}; it was stopped: {_TRY_LATER}"
-    elif ended.exit_code < 0:
+        return f"no answer within {ended.limit_s:g} s{last}; it was stopped: {_TRY_LATER}"
+    if ended.exit_code < 0:
         name = signal.Signals(-ended.exit_code).name
-        reason = (
+        return (
             f"the client was ended from outside, by {name}: check what did, and the memory of this "
             "machine"
         )
-    else:
-        reason = f"the client failed: {message or f'exit {ended.exit_code}'}"
-    return _Failure(reason, is_permanent=False)
-
-
-def _explained(error: str, said: str) -> _Failure:
-    """Add the remedy to an error of the client."""
-    remedy = {**_PERMANENT_ERRORS, **_TEMPORARY_ERRORS}.get(error, _TRY_LATER)
-    reason = f"the client failed: {_presentable(f'{error}: {said}').rstrip(': .')}; {remedy}"
-    return _Failure(reason, is_permanent=error in _PERMANENT_ERRORS)
-
-
-def _last_message(text: str) -> str:
-    """Return the last line that is not mere information."""
-    lines = (line.strip() for line in reversed(text.splitlines()))
-    return next((line for line in lines if line and not line.startswith("INFO ")), "")
+    return f"the client failed: {message or f'exit {ended.exit_code}'}"
 
 
 def _presentable(text: str) -> str:
@@ -326,75 +317,48 @@ def _presentable(text: str) -> str:
 
 
 _STAGING_SUFFIX = ".partial"
-# Age from which a staging folder is abandoned, s, even if a process has its creator's id: ids are
-# used again.
+# Age from which a staging folder was left behind by a killed run, s: no download takes as long.
 _ABANDONED_AGE_S = 24 * 3600.0
 
 
-@dataclass(frozen=True, slots=True)
-class CachedDownload:
-    """A download's place in the cache, whether the file is there or not."""
-
-    file: Path
-
-    @property
-    def sidecar(self) -> Path:
-        """The JSON file that describes it."""
-        return self.file.with_suffix(".json")
-
-    def metadata(self, request: object) -> dict[str, Any] | None:
-        """Read the sidecar; None unless it is for this request and matches the file."""
-        try:
-            metadata = json.loads(self.sidecar.read_text(encoding="utf-8"))
-            is_valid = metadata["request"] == request and metadata["sha256"] == file_hash(self.file)
-        except (OSError, ValueError, KeyError, TypeError):
-            return None
-        return metadata if is_valid else None
-
-    def save(self, staged: Path, metadata: dict[str, Any]) -> dict[str, Any]:
-        """Move an accepted file into the cache and write its sidecar; return the sidecar."""
-        metadata = {
-            **metadata,
-            "retrieved_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-            "bytes": staged.stat().st_size,
-            "sha256": file_hash(staged),
-        }
-        # If killed in between, the file is not used: the old sidecar does not match it.
-        staged.replace(self.file)
-        write_whole(self.sidecar, json.dumps(metadata, indent=2) + "\n")
-        return metadata
-
-    @contextlib.contextmanager
-    def staging_folder(self) -> Iterator[Path]:
-        """Make an empty folder beside the file, and remove it when the block ends.
-
-        Folders that killed runs left behind are removed too, with the client's own leftovers.
-        """
-        remove_abandoned(self.file.parent)
-        name = f"{self.file.stem}.{os.getpid()}.{secrets.token_hex(4)}{_STAGING_SUFFIX}"
-        folder = self.file.parent / name
-        folder.mkdir(parents=True)
-        try:
-            yield folder
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def remove_abandoned(folder: Path) -> None:
-    """Remove the staging folders of processes that have ended."""
-    for staging in folder.glob(f"*{_STAGING_SUFFIX}"):
-        with contextlib.suppress(OSError, ValueError, IndexError):
-            creator = int(staging.name.split(".")[-3])
-            if not _is_running(creator) or time.time() - staging.stat().st_mtime > _ABANDONED_AGE_S:
-                shutil.rmtree(staging, ignore_errors=True)
-
-
-def _is_running(process_id: int) -> bool:
-    """Whether a process of this id runs on this machine."""
+def cached_metadata(file: Path, request: object) -> dict[str, Any] | None:
+    """Read the sidecar of a cached file; None unless it is for this request and has its hash."""
     try:
-        os.kill(process_id, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
+        metadata = json.loads(file.with_suffix(".json").read_text(encoding="utf-8"))
+        is_valid = metadata["request"] == request and metadata["sha256"] == file_hash(file)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return metadata if is_valid else None
+
+
+def save(staged: Path, file: Path, metadata: dict[str, Any]) -> dict[str, Any]:
+    """Move an accepted file to its place in the cache; write and return its sidecar."""
+    metadata = {
+        **metadata,
+        "retrieved_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        "bytes": staged.stat().st_size,
+        "sha256": file_hash(staged),
+    }
+    # If killed in between, the file is not used: the old sidecar has another hash.
+    staged.replace(file)
+    write_whole(file.with_suffix(".json"), json.dumps(metadata, indent=2) + "\n")
+    return metadata
+
+
+@contextlib.contextmanager
+def staging_folder(cache: Path) -> Iterator[Path]:
+    """Make an empty folder in the cache, and remove it when the block ends."""
+    cache.mkdir(parents=True, exist_ok=True)
+    remove_abandoned(cache)
+    with tempfile.TemporaryDirectory(
+        suffix=_STAGING_SUFFIX, dir=cache, ignore_cleanup_errors=True
+    ) as folder:
+        yield Path(folder)
+
+
+def remove_abandoned(cache: Path) -> None:
+    """Remove staging folders that killed runs left behind, with the client's leftovers in them."""
+    for staging in cache.glob(f"*{_STAGING_SUFFIX}"):
+        with contextlib.suppress(OSError):
+            if time.time() - staging.stat().st_mtime > _ABANDONED_AGE_S:
+                shutil.rmtree(staging, ignore_errors=True)

@@ -30,14 +30,14 @@ from functools import lru_cache
 from importlib.metadata import version
 from itertools import compress
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.files import UNFINISHED, whole_file
 from pipeline.model import Credit, Land, Note
 from pipeline.sources.land import shapes
@@ -72,11 +72,8 @@ _HEADER = len(_MULTIPOLYGON)
 _POINT = 16
 
 
-class NearPolygons(NamedTuple):
-    """Geometries (n,) of a shoreline near a box, as they are, and whether each is valid (n,)."""
-
-    polygons: Geometries
-    is_valid: BoolArray
+NearPolygons: TypeAlias = tuple[Geometries, BoolArray]
+"""Polygons (n,) of a shoreline near a box, not repaired, and whether each is valid (n,)."""
 
 
 def polygons_near(
@@ -139,7 +136,7 @@ def read_near(wkb: bytes, box: shapely.Polygon, least_deg: float = 0.0) -> NearP
         polygons[_near(shapely.bounds(polygons), box, least_deg)] for polygons, _, _ in _chunks(wkb)
     ]
     polygons, _ = shapes.near_box(np.concatenate([np.empty(0, dtype=object), *near]), box)
-    return NearPolygons(polygons, shapely.is_valid(polygons))
+    return polygons, shapely.is_valid(polygons)
 
 
 def _near(bounds: FloatArray, box: shapely.Polygon, least_deg: float) -> IntArray:
@@ -213,7 +210,7 @@ def read_cached(path: Path, box: shapely.Polygon, least_deg: float = 0.0) -> Nea
     except ValueError:
         return None
     polygons, index = shapes.near_box(geometries, box)
-    return NearPolygons(polygons, table["is_valid"][near][index])
+    return polygons, table["is_valid"][near][index]
 
 
 @lru_cache(maxsize=6)
@@ -263,24 +260,6 @@ def _chunks(wkb: bytes) -> Iterator[tuple[Geometries, IntArray, int]]:
 ACCURACY_M = 60.0
 
 
-def land(region: shapely.Polygon) -> Land:
-    """Return the land near a region, with the second shoreline, as the fetch stage passes it on."""
-    second = land_polygons(region, shoreline="Gshhg")
-    return replace(land_polygons(region), second_shore=second.polygons)
-
-
-def credit() -> Credit:
-    """Return the credit line that the Open Database License asks for."""
-    release = version(NAME)
-    return Credit(
-        name=f"OpenStreetMap land polygons (roaring-landmask {release})",
-        kind="land",
-        text=f"© OpenStreetMap contributors, land polygons via roaring-landmask {release}",
-        licence="ODbL 1.0",
-        url="https://www.openstreetmap.org/copyright",
-    )
-
-
 def land_polygons(
     region: shapely.Polygon, beyond_m: float = shapes.BEYOND_M, shoreline: Shoreline = "Osm"
 ) -> Land:
@@ -304,7 +283,16 @@ def land_polygons(
     near, notes = polygons_near(shoreline, box)
     polygons, repairs = clean(near, box)
     notes = (*notes, *shapes.repair_note("OpenStreetMap land", repairs))
-    return Land(tuple(polygons.tolist()), (credit(),), ACCURACY_M, notes)
+    release = version(NAME)
+    # The Open Database License asks for this credit line.
+    credit = Credit(
+        name=f"OpenStreetMap land polygons (roaring-landmask {release})",
+        kind="land",
+        text=f"© OpenStreetMap contributors, land polygons via roaring-landmask {release}",
+        licence="ODbL 1.0",
+        url="https://www.openstreetmap.org/copyright",
+    )
+    return Land(tuple(polygons.tolist()), (credit,), ACCURACY_M, notes)
 
 
 def clean(near: NearPolygons, box: shapely.Polygon) -> tuple[Geometries, int]:
@@ -339,11 +327,12 @@ class OsmLand:
     @property
     def identity(self) -> tuple[str, ...]:
         """Release of the package: its data change with it."""
-        return ("osm-land", version("roaring-landmask"))
+        return ("osm-land", version(NAME))
 
     def land(self, region: shapely.Polygon) -> Land:
-        """Return the land near a region (lon/lat degrees)."""
-        return land(region)
+        """Return the land near a region (lon/lat degrees), with GSHHG as the second shoreline."""
+        second = land_polygons(region, shoreline="Gshhg")
+        return replace(land_polygons(region), second_shore=second.polygons)
 
 
 # Distance outside the region's bounds up to which maps show land, as a share of the longer side: a

@@ -1,15 +1,22 @@
 """No-go zones of a vessel from a chart of S-57 cells, in a folder or below it: a source of land.
 
-IHO S-57 3.1, appendix A (object catalogue). Depth areas and dredged areas cover the sea without a
-gap. So the safe water of a vessel is those areas whose shallow limit (DRVAL1) is at least its
-safety depth, and everything else is no-go: land, drying and shoal water, unsurveyed areas and those
-of unknown depth. Objects that stand in the safe water are taken out of it; so are objects on its
-bed, unless they are known to lie deep enough. Where cells overlap, the larger scale takes
-precedence.
+Cells are read by GDAL (IHO S-57 3.1, appendix B.1, ENC product specification). Its driver applies
+the updates `.001`, `.002`, … itself, but stops silently where one is missing. So the number of the
+last update that it applied is compared with the files, and a cell that is not up to date is
+refused.
+
+Depth areas and dredged areas cover the sea without a gap (appendix A, object catalogue). So the
+safe water of a vessel is those areas whose shallow limit (DRVAL1) is at least its safety depth.
+Everything else is no-go: land, drying and shoal water, unsurveyed areas and those of unknown depth.
+Objects that stand in the safe water are taken out of it; so are objects on its bed, unless they are
+known to lie deep enough. Where cells overlap, the larger scale takes precedence.
 """
 
+import glob
+import math
+import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,14 +25,217 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from pipeline._types import Geometries
+from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import DepthCover
+from pipeline.geo.projection import DepthCover
 from pipeline.machine.paths import require_readable
-from pipeline.model import Credit, Land, Note, PlaceName, Zone
+from pipeline.model import Credit, Land, Note, Zone
 from pipeline.model.inputs import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
-from pipeline.sources.land.s57_cells import Cell, base_files, cell_files, read_cell
+from pipeline.texts import clean
+
+# Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
+# zones of confidence, restrictions, names.
+_COLUMNS = ("DRVAL1", "DRVAL2", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM")
+# Options of GDAL's driver: lists as text, no primitives, no references between objects.
+_OPTIONS = {"LIST_AS_STRING": "ON", "RETURN_PRIMITIVES": "OFF", "LNAM_REFS": "OFF"}
+# Fields that identify a cell: edition, update and its date, scale, datum and unit of depths.
+_IDENTIFICATION = (
+    *("DSID_EDTN", "DSID_UPDN", "DSID_ISDT"),
+    *("DSPM_CSCL", "DSPM_HDAT", "DSPM_DUNI", "DSPM_SDAT"),
+)
+# Code in DSPM of the only horizontal datum that the product specification allows, WGS 84.
+_WGS84 = 2
+# Code in DSPM of the only unit of depths that it allows, the metre.
+_METRES = 1
+# Names of the datums of depths (VERDAT, the codes of DSPM_SDAT) for which tides are published.
+_DATUMS = {
+    "1": "MLWS", "2": "MLLWS", "3": "MSL", "4": "LLW", "5": "MLW", "6": "LLWS", "8": "ISLW",
+    "9": "LWS", "12": "MLLW", "13": "LW", "23": "LAT",
+}  # fmt: skip
+# Number of files in a folder of charts above which it is not searched: all cells of the world and
+# their updates are some 100,000.
+_MAX_FILES = 200_000
+# Value of CATCOV for the area in which the cell has data.
+_COVERED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Objects:
+    """Objects of one class: geometries (n,) in lon/lat degrees, and attributes (n,) by name.
+
+    A number that the chart does not give is NaN, a text is empty. `columns` has only the attributes
+    of the class.
+    """
+
+    geometry: Geometries
+    columns: Mapping[str, Geometries]
+
+    def numbers(self, name: str) -> FloatArray:
+        """Return a numeric attribute (n,), NaN where unknown."""
+        if name not in self.columns:
+            return np.full(len(self.geometry), math.nan)
+        return self.columns[name].astype(np.float64)
+
+    def texts(self, name: str) -> list[str]:
+        """Return a textual attribute, empty where there is none."""
+        values = self.columns.get(name)
+        if values is None:
+            return [""] * len(self.geometry)
+        return ["" if value is None else clean(str(value), shapes.MAX_NAME) for value in values]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One cell: its identification (DSID, DSPM), the area with data, and its objects by class.
+
+    `scale` is the denominator of the compilation scale, `datum` the chart datum of its depths,
+    `repaired` counts its invalid areas, and `warnings` come from GDAL.
+    """
+
+    name: str
+    edition: str
+    update: str
+    issued: str
+    scale: int
+    covered: shapely.Geometry
+    objects: Mapping[str, Objects]
+    datum: str = ""
+    repaired: int = 0
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def producer(self) -> str:
+        """Code of the producing agency, such as US: the first two letters of the name."""
+        return self.name[:2]
+
+
+def base_files(path: Path) -> tuple[Path, ...]:
+    """Find the base files (.000) of all cells in a folder and below it, or the one given.
+
+    Raises
+    ------
+    RequestError
+        The folder holds too many files to be one of charts.
+    """
+    if not path.is_dir():
+        return (path,) if path.suffix == ".000" else ()
+    bases: list[Path] = []
+    count = 0
+    for folder, _, names in os.walk(path):
+        count += len(names)
+        if count > _MAX_FILES:
+            raise RequestError(
+                f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
+            )
+        bases += [Path(folder, name) for name in names if name.endswith(".000")]
+    return tuple(sorted(bases))
+
+
+def cell_files(base: Path) -> tuple[Path, ...]:
+    """Return a cell's base file and all updates beside it, in their order."""
+    return tuple(sorted(base.parent.glob(f"{glob.escape(base.stem)}.[0-9][0-9][0-9]")))
+
+
+def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell | None:
+    """Read a cell's objects of some classes near a box (lon/lat degrees).
+
+    None where the cell has no data near it.
+
+    Raises
+    ------
+    RequestError
+        It can't be read, an update is missing, or it violates the product specification.
+    """
+    pyogrio = shapes.vector_library()
+
+    remedy = "fetch the cell and its updates again"
+    with shapes.reading(str(base), remedy) as issued:
+        shapes.require_self_contained(base)
+        layers = {str(name) for name, _ in pyogrio.list_layers(base)}
+        identification = _identification(base)
+        coverage, _ = _objects(base, "M_COVR", box)
+        covered = coverage.geometry[coverage.numbers("CATCOV") == _COVERED]
+        _check(base, identification)
+        if not len(covered):
+            return None
+        read = {name: _objects(base, name, box) for name in sorted(layers.intersection(classes))}
+    day = clean(str(identification["DSID_ISDT"]))
+    if len(day) == 8:  # as 20260108
+        day = f"{day[:4]}-{day[4:6]}-{day[6:]}"
+    return Cell(
+        name=base.stem,
+        edition=clean(str(identification["DSID_EDTN"])),
+        update=clean(str(identification["DSID_UPDN"])),
+        issued=day,
+        scale=int(str(identification["DSPM_CSCL"])),
+        covered=shapely.union_all(covered),
+        datum=_DATUMS.get(sdat := str(identification["DSPM_SDAT"]), f"datum {sdat} of S-57"),
+        objects={name: objects for name, (objects, _) in read.items() if len(objects.geometry)},
+        repaired=sum(count for _, count in read.values()),
+        warnings=tuple(issued),
+    )
+
+
+def _identification(base: Path) -> dict[str, object]:
+    """Read the cell's identification and parameters: the fields of DSID and DSPM."""
+    pyogrio = shapes.vector_library()
+
+    meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
+    fields = {
+        str(name): column[0]
+        for name, column in zip(meta["fields"], columns, strict=True)
+        if len(column)
+    }
+    if lacking := [name for name in _IDENTIFICATION if name not in fields]:
+        raise ValueError(f"its identification lacks {', '.join(lacking)}")
+    return fields
+
+
+def _check(base: Path, identification: Mapping[str, object]) -> None:
+    """Refuse a cell that is cancelled, not up to date, or violates the product specification."""
+    faults = []
+    # B.1, 5.7: an update that cancels a cell has the edition 0.
+    if str(identification["DSID_EDTN"]).strip() == "0":
+        faults.append(
+            f"{base.name}: the cell is cancelled (edition 0); remove it, and fetch the cells that "
+            "replace it"
+        )
+    applied = int(str(identification["DSID_UPDN"]))
+    last = int(cell_files(base)[-1].suffix[1:])
+    if applied < last:
+        faults.append(
+            f"{base.name}: update .{last:03d} is there, but only those up to .{applied:03d} could "
+            f"be applied: .{applied + 1:03d} is missing or damaged; fetch it"
+        )
+    if identification["DSPM_HDAT"] != _WGS84:
+        faults.append(f"{base.name}: its horizontal datum is not WGS 84; fetch another edition")
+    if identification["DSPM_DUNI"] != _METRES:
+        faults.append(f"{base.name}: its depths are not in metres; fetch another edition")
+    if int(str(identification["DSPM_CSCL"])) <= 0:
+        faults.append(f"{base.name}: its scale is not above 0; fetch it again")
+    if faults:
+        raise RequestError(faults)
+
+
+def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int]:
+    """Read a class's objects that meet a box, valid and in its longitudes; count the repairs."""
+    pyogrio = shapes.vector_library()
+
+    meta, _, wkb, columns = pyogrio.raw.read(base, layer=layer, columns=list(_COLUMNS), **_OPTIONS)
+    geometry = shapely.force_2d(shapely.from_wkb(wkb))
+    present = np.flatnonzero(~shapely.is_missing(geometry) & ~shapely.is_empty(geometry))
+    if (np.abs(shapely.get_coordinates(geometry[present])) > shapes.MAX_LONLAT).any():
+        raise ValueError(f"an object of class {layer} has coordinates that are no lon/lat")
+    near, index = shapes.near_box(geometry[present], box)
+    index = present[index]
+    valid, count = shapes.repaired(near)
+    values = {
+        str(name): column[index].astype(object)
+        for name, column in zip(meta["fields"], columns, strict=True)
+    }
+    return Objects(valid, values), count
+
 
 # Areas with a depth range, and the names of their kinds.
 _DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = {
@@ -149,7 +359,14 @@ def land(
         notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
         depths=DepthCover(areas=tuple(shapes.extract_polygons(covered))),
-        places=tuple(place for part in parts for place in _places(part)),
+        places=tuple(
+            place
+            for part in parts
+            if (named := part.objects.get("LNDARE")) is not None
+            for place in shapes.named_places(
+                named.texts("OBJNAM"), shapely.intersection(named.geometry, part.covered)
+            )
+        ),
         depth_areas=tuple(area for areas in depths for area in areas),
         tidal_water=tuple(_tidal_water(parts, depths, sea, rule)),
         # If the cells have several datums, all are named, and no tide's datum equals that text.
@@ -167,15 +384,13 @@ def _tidal_water(
     for areas in depths:
         for depth_area in areas:
             if rule.is_tidal(depth_area.least_m):
-                yield TidalWater(
-                    _depth_text(depth_area), rule.need_m(depth_area.least_m), depth_area.area
-                )
+                kind = "dredged" if depth_area.kind == "dredged" else "depth"
+                text = f"{kind} {depth_area.least_m:g} to {depth_area.greatest_m:g} m"
+                yield TidalWater(text, rule.need_m(depth_area.least_m), depth_area.area)
     for part in parts:
         radius_m = _fixed_radius_m(part)
-        for name in _SUNKEN:
-            objects = part.objects.get(name)
-            if objects is None:
-                continue
+        for name in filter(part.objects.__contains__, _SUNKEN):
+            objects = part.objects[name]
             for depth_m in np.unique(objects.numbers("VALSOU")).tolist():
                 if rule.is_tidal(depth_m):
                     is_here = objects.numbers("VALSOU") == depth_m
@@ -185,24 +400,10 @@ def _tidal_water(
                         yield TidalWater(text, rule.need_m(depth_m), area)
 
 
-def _depth_text(area: DepthArea) -> str:
-    """Name an area by its depths."""
-    kind = "dredged" if area.kind == "dredged" else "depth"
-    return f"{kind} {area.least_m:g} to {area.greatest_m:g} m"
-
-
-def _places(part: Cell) -> Iterator[PlaceName]:
-    """Yield the names of a part's land."""
-    objects = part.objects.get("LNDARE")
-    if objects is not None:
-        inside = shapely.intersection(objects.geometry, part.covered)
-        yield from shapes.named_places(objects.texts("OBJNAM"), inside)
-
-
 def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[Cell, ...]:
     """Divide the box among the cells: the larger scale first, then the later issue.
 
-    Of each the part is left that no cell before it covers.
+    Each cell keeps the part that no cell before it covers.
     """
     parts, taken = [], shapely.Polygon()
     newest = sorted(cells, key=lambda cell: (cell.issued, cell.name), reverse=True)
@@ -216,10 +417,8 @@ def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[Cell, .
 
 def _depth_areas(part: Cell) -> Iterator[DepthArea]:
     """Yield a part's depth areas and dredged areas."""
-    for name, kind in _DEPTH_CLASSES.items():
-        objects = part.objects.get(name)
-        if objects is None:
-            continue
+    for name in filter(part.objects.__contains__, _DEPTH_CLASSES):
+        objects, kind = part.objects[name], _DEPTH_CLASSES[name]
         limits = objects.numbers("DRVAL1"), objects.numbers("DRVAL2")
         inside = _cut_to(objects.geometry, part.covered)
         for area, least, greatest in zip(inside, *map(np.ndarray.tolist, limits), strict=True):
@@ -252,10 +451,8 @@ def _hazards(part: Cell, sea: shapely.Geometry, least_m: float) -> Iterator[Zone
         (_FLOATING, "floating object", floating_m),
     )
     for names, group, radius_m in kinds:
-        for name in names:
-            objects = part.objects.get(name)
-            if objects is None:
-                continue
+        for name in filter(part.objects.__contains__, names):
+            objects = part.objects[name]
             is_danger = shapely.intersects(objects.geometry, part.covered)
             if names is _SUNKEN:
                 is_danger &= ~(objects.numbers("VALSOU") >= least_m)

@@ -30,8 +30,7 @@ from shapely import affinity
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.errors import PipelineError, RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.geo.projection import MAX_EDGE_M, Projection
+from pipeline.geo.projection import MAX_EDGE_M, METRES_PER_DEGREE, Projection
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Note, PlaceName
@@ -105,7 +104,7 @@ def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, 
 
 
 def joined_at_180(parts: Geometries) -> tuple[Geometries, BoolArray]:
-    """Continue the longitudes of parts that jump by more than half a turn; say which they are (n,).
+    """Make longitudes continuous where they jump by more than half a turn; say in which parts (n,).
 
     No edge is that long: the part crosses 180 degrees (or 0), and its file has not split it there.
     """
@@ -130,7 +129,7 @@ def _continued(part: shapely.Geometry) -> shapely.Geometry:
         turns = np.concatenate([[0.0], -np.cumsum(np.sign(steps) * jumps)])
         if not (is_area and turns[-1]):
             points[:, 0] += _TURN * turns
-        if lines:  # a hole belongs inside
+        if lines:  # a hole: moved by whole turns to its shell
             apart = lines[0][:, 0].mean() - points[:, 0].mean()
             points[:, 0] += _TURN * np.round(apart / _TURN)
         lines.append(points)
@@ -243,7 +242,7 @@ def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[Pl
 # Largest longitude and latitude, degrees. Longitudes are counted to 180 or to 360 degrees, and may
 # lie half a turn beyond either range. Latitudes may lie beyond a pole by rounding.
 MAX_LONLAT = (540.0, 90.01)
-# Names of GDAL's own functions, which open some of its messages.
+# Names of GDAL's own functions, with which some of its messages begin.
 _FUNCTION = re.compile(r"\bOGR\w+\(\): ")
 # Ends of GDAL's messages that are about its own options.
 _ADVICE = re.compile(r"(\.; It might help|\. To avoid accepting|\. Further messages).*|\.$")
@@ -256,13 +255,13 @@ _MAX_REASON = 200
 # GDAL's drivers that are used: each reads a file and its sidecar files alone. Of its others, some
 # take a file's content for a command: to read other files or addresses, to start a program.
 _DRIVERS = {"CSV", "ESRI Shapefile", "FlatGeobuf", "GPKG", "GeoJSON", "LIBKML", "S57"}
-# No file is a reason to ask the network: libcurl refuses such a proxy before it opens a socket.
+# No file needs the network: libcurl refuses this proxy before it opens a socket.
 _NO_NETWORK = {"GDAL_HTTP_PROXY": "none://"}
 
 
 @cache
 def vector_library() -> ModuleType:
-    """Import pyogrio, with those of GDAL's drivers alone that follow nothing in a file."""
+    """Import pyogrio with only those of GDAL's drivers that follow nothing in a file."""
     pyogrio = import_module("pyogrio")
     from pyogrio._ogr import _register_drivers  # it has no public function for this
 
@@ -298,15 +297,6 @@ def one_line(message: object) -> str:
     return clean(_ADVICE.sub("", _FUNCTION.sub("", clean(str(message)))), _MAX_REASON)
 
 
-def unread_reason(wkb: bytes) -> str:
-    """Say why a geometry in WKB can't be built."""
-    try:
-        shapely.from_wkb(wkb)
-    except shapely.errors.ShapelyError as error:
-        return f"a geometry that can't be built: {one_line(error)}"
-    return "a geometry that can't be built"
-
-
 def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     """Turn errors about a chart's file into a RequestError, and list warnings."""
     return reading(
@@ -315,26 +305,20 @@ def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     )
 
 
-def chart_fault(path: Path, fault: str) -> RequestError:
-    """Return an error about a chart's file."""
-    return RequestError(f"{path} {fault}")
-
-
 def layer_name(path: Path, name: str) -> str:
     """Return the name of the layer to read."""
     pyogrio = vector_library()
 
     names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
     if not names:
-        raise chart_fault(
-            path, "has no layer with geometries; correct it, or give the file that has the land"
+        raise RequestError(
+            f"{path} has no layer with geometries; correct it, or give the file that has the land"
         )
     if name and name not in names:
-        raise chart_fault(path, f"has no layer {name!r}: {near_miss(name, names)}")
+        raise RequestError(f"{path} has no layer {name!r}: {near_miss(name, names)}")
     if not name and len(names) != 1:
-        raise chart_fault(
-            path,
-            f"has {len(names)} layers with geometries ({', '.join(names)}); name one in a "
+        raise RequestError(
+            f"{path} has {len(names)} layers with geometries ({', '.join(names)}); name one in a "
             f'scenario: {{ path = "{path.name}", layer = "…" }}',
         )
     return name or names[0]
@@ -343,15 +327,14 @@ def layer_name(path: Path, name: str) -> str:
 def crs_of(path: Path, given: str | None) -> pyproj.CRS:
     """Return the CRS of a layer, given as text."""
     if not given:
-        raise chart_fault(
-            path,
-            "does not give its CRS: add its .prj file, or name the CRS in a scenario: "
+        raise RequestError(
+            f"{path} does not give its CRS: add its .prj file, or name the CRS in a scenario: "
             f'{{ path = "{path.name}", crs = "EPSG:4326" }} for degrees',
         )
     try:
         return pyproj.CRS.from_user_input(given)
     except pyproj.exceptions.CRSError as error:
-        raise chart_fault(path, f"has a CRS that pyproj does not know ({error})") from error
+        raise RequestError(f"{path} has a CRS that pyproj does not know ({error})") from error
 
 
 # A GeoJSON's member "crs" that is an object, its letters escaped or not. GDAL takes JSON strictly.
@@ -360,10 +343,10 @@ _JSON_CRS = re.compile(
 )
 # Types of such a CRS that name it: the others are links.
 _NAMED = {"name", "epsg", "ogc"}
-# Number of bytes in which such a CRS ends.
+# Number of bytes up to which such a CRS is read; a longer one counts as a link.
 _MOST = 100_000
-# What names a file in a CRS: grids or a model of a shift of datum (that of EPSG:3857 is null), a
-# list of definitions.
+# Parts of a CRS that name another file: grids or a model for a shift of datum (EPSG:3857 has the
+# grid "null", which is no file), or a list of definitions.
 _FILES = re.compile(
     r'grids[\\"\s]*[=,](?![\\"\s]*@null[\s"\\])|\b(file|model|catalog|init)\s*=|parameterfile',
     re.IGNORECASE,
@@ -431,7 +414,7 @@ def _of_geojson(path: Path) -> Iterator[str]:
             try:
                 crs, _ = json.JSONDecoder().raw_decode(text)
             except ValueError:
-                crs = {"type": "link"}  # damaged, or as long as none is
+                crs = {"type": "link"}  # damaged, or longer than any true CRS
             kinds = [str(value) for key, value in crs.items() if key.casefold() == "type"]
             if not {kind.casefold() for kind in kinds} <= _NAMED:
                 raise RequestError(

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pyproj
@@ -19,9 +18,9 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.paths import require_readable
-from pipeline.model import Credit, Land, Note, PlaceName
+from pipeline.model import Credit, Land, Note, Place, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land import shapes
@@ -78,12 +77,13 @@ class VectorLayer:
     ) -> Iterator[tuple[shapely.Polygon, Geometries]]:
         """Yield each window in the file's CRS with the parts near it; add notes on those joined."""
         # A feature across 180 degrees that is not split there has bounds round the earth.
-        _, south, _, north = box.bounds
         left, bottom, right, top = self.extents
         is_wide = self._is_lonlat & (right - left > shapes.HALF_TURN)
-        wide = self.numbers[is_wide & (bottom <= north) & (top >= south)]
+        wide = self.numbers[is_wide & (bottom <= box.bounds[3]) & (top >= box.bounds[1])]
         for window in self._windows(box):
-            if self._meets(window):
+            west, south, east, north = window.bounds
+            meets = (left <= east) & (right >= west) & (bottom <= north) & (top >= south)
+            if meets.any():
                 yield window, self._read(wide, bbox=window.bounds)
         if wide.size:
             parts, is_joined = shapes.joined_at_180(self._read(wide[:0], fids=wide))
@@ -122,10 +122,9 @@ class VectorLayer:
         """Refuse coordinates beyond the CRS, and features that GDAL can't read."""
         if reason := self._unread_reason():
             listed = ", ".join(map(str, self.numbers[self._is_suspect][:_MAX_NUMBERS]))
-            raise shapes.chart_fault(
-                self.path,
-                f"has a geometry that can't be read ({reason}), in feature {listed}; correct or "
-                "remove it",
+            raise RequestError(
+                f"{self.path} has a geometry that can't be read ({reason}), in feature {listed}; "
+                "correct or remove it",
             )
         limits = np.array(shapes.MAX_LONLAT * 2 if self._is_lonlat else (_MAX_PLANAR,) * 4)[:, None]
         with np.errstate(invalid="ignore"):
@@ -133,11 +132,10 @@ class VectorLayer:
         if beyond.any():
             first = int(beyond.argmax())
             west, south, east, north = self.extents[:, first]
-            raise shapes.chart_fault(
-                self.path,
-                f"has coordinates that are impossible in its CRS ({self.crs.name}): feature "
-                f"{self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to {north:g}; "
-                'correct it, or name the right CRS in a scenario, crs = "EPSG:…"',
+            raise RequestError(
+                f"{self.path} has coordinates that are impossible in its CRS ({self.crs.name}): "
+                f"feature {self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to "
+                f'{north:g}; correct it, or name the right CRS in a scenario, crs = "EPSG:…"',
             )
 
     @cached_property
@@ -175,13 +173,6 @@ class VectorLayer:
             and (meridian is None or meridian.longitude == 0)
         )
 
-    def _meets(self, window: shapely.Polygon) -> bool:
-        """Whether any feature's bounds meet a window."""
-        west, south, east, north = window.bounds
-        left, bottom, right, top = self.extents
-        meets = (left <= east) & (right >= west) & (bottom <= north) & (top >= south)
-        return bool(meets.any())
-
     def _notes(self, issued: list[str]) -> Iterator[Note]:
         """Yield notes on features without a geometry, and on GDAL's warnings."""
         for text in dict.fromkeys((*self.warnings, *issued)):
@@ -206,7 +197,7 @@ class VectorLayer:
         yield shapely.box(*bounds)
 
     def _read(self, but: IndexArray, **which: object) -> Geometries:
-        """Read some of the geometries, unchanged but without collections; leave out features."""
+        """Read geometries, unchanged but taken out of collections; leave out some features."""
         _, numbers, wkb, _ = shapes.vector_library().raw.read(
             self.path, layer=self.name, columns=[], return_fids=True, **which
         )
@@ -217,8 +208,12 @@ class VectorLayer:
             geometry = shapely.from_wkb(wkb, on_invalid="ignore")
         unread = shapely.is_missing(geometry)
         if unread.any():
-            first = int(unread.argmax())
-            raise self._damaged(int(numbers[first]), shapes.unread_reason(wkb[first]))
+            first, fault = int(unread.argmax()), "a geometry that can't be built"
+            try:
+                shapely.from_wkb(wkb[first])
+            except shapely.errors.ShapelyError as error:
+                fault += f": {shapes.one_line(error)}"
+            raise self._damaged(int(numbers[first]), fault)
         coordinates, index = shapely.get_coordinates(geometry, return_index=True)
         if not np.isfinite(coordinates).all():
             first = int(index[~np.isfinite(coordinates).all(axis=1)][0])
@@ -230,17 +225,16 @@ class VectorLayer:
         """Say which feature is damaged, where it lies, and how."""
         place = self.extents[:2, self.numbers == number].ravel()
         near = f", near {place[0]:g}, {place[1]:g}" if place.size == 2 else ""
-        return shapes.chart_fault(
-            self.path, f"has {fault} (feature {number}{near}); correct or remove the feature"
+        return RequestError(
+            f"{self.path} has {fault} (feature {number}{near}); correct or remove the feature"
         )
 
     def _check_covered(self, coordinates: FloatArray) -> None:
         """Refuse coordinates that lie outside the CRS."""
         if not np.isfinite(coordinates).all():
-            raise shapes.chart_fault(
-                self.path,
-                f"is in a CRS ({self.crs.name}) that does not cover the region: name the right one "
-                'in a scenario, crs = "EPSG:…"',
+            raise RequestError(
+                f"{self.path} is in a CRS ({self.crs.name}) that does not cover the region: name "
+                'the right one in a scenario, crs = "EPSG:…"',
             )
 
     def _to_lonlat(self, geometry: Geometries, box: shapely.Polygon) -> Geometries:
@@ -368,10 +362,10 @@ class VectorFile:
                 for kind, name in ((_POINT, "points"), (_LINE, "lines"))
                 if (count := int((dimension == kind).sum()))
             ]
-            raise shapes.chart_fault(
-                self.path,
-                f"has {' and '.join(counts)} near the region, which are not areas: make polygons "
-                "of them, or give the radius in metres that is no-go around them in a scenario: "
+            raise RequestError(
+                f"{self.path} has {' and '.join(counts)} near the region, which are not areas: "
+                "make polygons of them, or give the radius in metres that is no-go around them in "
+                "a scenario: "
                 f'{{ path = "{self.path.name}", radius_m = 20 }}',
             )
         grown = shapes.buffered(thin, self.source.radius_m or 0.0)
@@ -381,14 +375,13 @@ class VectorFile:
         """Say where the file's land is, when none is near the region."""
         bounds = layer.bounds()
         if bounds is None:
-            return shapes.chart_fault(
-                self.path, "has no feature with a geometry; give a file that has the land"
+            return RequestError(
+                f"{self.path} has no feature with a geometry; give a file that has the land"
             )
         listed = ", ".join(f"{bound:g}" for bound in bounds)
-        return shapes.chart_fault(
-            self.path,
-            f"has nothing near the region (its bounds in {layer.crs.name}: {listed}): leave it "
-            "out, or if that is wrong, name the right CRS in a scenario",
+        return RequestError(
+            f"{self.path} has nothing near the region (its bounds in {layer.crs.name}: {listed}): "
+            "leave it out, or if that is wrong, name the right CRS in a scenario",
         )
 
 
@@ -399,16 +392,8 @@ _CSV_COLUMNS = {"X_POSSIBLE_NAMES": "lon,longitude,x", "Y_POSSIBLE_NAMES": "lat,
 _REMEDY = "give points, as GeoJSON, GeoPackage, or CSV with the columns name, lon and lat"
 
 
-class HavenPoint(NamedTuple):
-    """A haven of the file: its name, and its place in degrees."""
-
-    name: str
-    lon: float
-    lat: float
-
-
-def read_havens(path: Path) -> tuple[HavenPoint, ...]:
-    """Return the havens of a file, in its order; those without a name are numbered.
+def read_havens(path: Path) -> dict[str, Place]:
+    """Return the havens of a file by name, in its order; those without a name are numbered.
 
     Raises
     ------
@@ -432,15 +417,12 @@ def read_havens(path: Path) -> tuple[HavenPoint, ...]:
         lonlat = _lonlat(path, points, meta["crs"])
     column = next((at for at, field in enumerate(fields) if field in shapes.NAME_COLUMNS), None)
     names = [None] * len(points) if column is None else list(values[column])
-    havens = tuple(
-        HavenPoint(clean(str(name or ""), shapes.MAX_NAME) or f"haven {number}", lon, lat)
-        for number, (name, (lon, lat)) in enumerate(
-            zip(names, lonlat.tolist(), strict=True), start=1
-        )
-    )
-    for at, haven in enumerate(havens):
-        if haven.name in (other.name for other in havens[:at]):
-            raise _fault(path, f"has several havens called {haven.name!r}; rename all but one")
+    havens = dict[str, Place]()
+    for number, (given, place) in enumerate(zip(names, lonlat.tolist(), strict=True), start=1):
+        name = clean(str(given or ""), shapes.MAX_NAME) or f"haven {number}"
+        if name in havens:
+            raise _fault(path, f"has several havens called {name!r}; rename all but one")
+        havens[name] = Place(*place)
     return havens
 
 

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from pipeline.sources.tides.station import find_station
+from pipeline.sources.tide_stations import find_station
 
 
 def run(*args: str) -> tuple[int, str, str]:

@@ -19,7 +19,7 @@ import renew
 from pipeline.findings.note_words import WORDS, note_json, note_text, rejections
 from pipeline.findings.result import RunResult
 from pipeline.findings.text import json_value
-from pipeline.geo.lonlat import position_text
+from pipeline.geo.projection import position_text
 from pipeline.model import Note, Place, of_cases
 from renew.errors import InfeasibleError, Moment, Strait, Text, TooLateError
 from tests.pipeline.formats import small_run

@@ -19,8 +19,7 @@ from pipeline.findings.result import (
     has_all_depths,
     route_unknowns,
 )
-from pipeline.geo.lonlat import DepthCover
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import DepthCover, Projection
 from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait, Water
 from pipeline.model.inputs import Note
 from pipeline.scenario.region import ChartSpec

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 import shutil
-import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +20,7 @@ from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather
 from pipeline.formats.tables import distance_text, position, rows
 from pipeline.model import ShoreCrossing
+from tests.commands import ran
 from tests.pipeline.formats import oracles, runs, small_run
 from tests.pipeline.results import with_measures, with_water
 
@@ -38,7 +38,7 @@ def texts(path: Path) -> list[str]:
     if shutil.which("pdftotext") is None:
         pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
     command = ["pdftotext", "-layout", str(path), "-"]
-    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    printed = ran(*command)
     return printed.split("\f")[:-1]
 
 
@@ -47,7 +47,7 @@ def word_boxes(path: Path) -> list[tuple[str, shapely.Polygon]]:
     if shutil.which("pdftotext") is None:
         pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
     command = ["pdftotext", "-bbox", "-l", "1", str(path), "-"]
-    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    printed = ran(*command)
     found = re.findall(
         r'<word xMin="(.*?)" yMin="(.*?)" xMax="(.*?)" yMax="(.*?)">(.*?)</word>', printed
     )

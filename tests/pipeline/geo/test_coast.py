@@ -125,10 +125,10 @@ CUTS = st.sampled_from([0.0, 10.0, 150.0, 3000.0])
 def test_only_what_is_nearer_than_the_cut_to_a_new_ring_changes_sides(
     land: np.ndarray, cut: float
 ) -> None:
-    result = simplified(land, cut)
-    assert shapely.is_valid(result.areas).all()
-    for index, (polygon, area) in enumerate(zip(land, result.areas, strict=True)):
-        own = result.outlines[result.owner == index]
+    areas, outlines, owner = simplified(land, cut)
+    assert shapely.is_valid(areas).all()
+    for index, (polygon, area) in enumerate(zip(land, areas, strict=True)):
+        own = outlines[owner == index]
         # Inscribed polygons of the buffers: a little wider than the cut makes up for it.
         near = shapely.union_all(shapely.buffer([area.boundary, *own], 1.02 * cut + 1e-6))
         assert polygon.symmetric_difference(area).difference(near).area < 1e-3
@@ -137,10 +137,10 @@ def test_only_what_is_nearer_than_the_cut_to_a_new_ring_changes_sides(
 def test_an_islet_becomes_a_line_and_a_dot_a_point() -> None:
     islet = shapely.box(0, 0, 90, 10)
     dot = shapely.box(500, 0, 501, 1)
-    result = simplified(np.array([islet, dot, shapely.box(0, 100, 90, 190)]), 20.0)
-    assert shapely.is_empty(result.areas).tolist() == [True, True, False]
-    assert result.owner.tolist() == [0, 1]
-    line, point = result.outlines
+    square = shapely.box(0, 100, 90, 190)
+    areas, (line, point), owner = simplified(np.array([islet, dot, square]), 20.0)
+    assert shapely.is_empty(areas).tolist() == [True, True, False]
+    assert owner.tolist() == [0, 1]
     assert line.length >= 90
     assert point.length < 2
     # Both can be buffered to all sides.
@@ -151,10 +151,10 @@ def test_an_islet_becomes_a_line_and_a_dot_a_point() -> None:
 def test_a_lake_that_collapses_is_an_outline_of_its_land() -> None:
     lake = shapely.box(100, 100, 400, 110)
     land = shapely.box(0, 0, 1000, 1000).difference(lake)
-    result = simplified(np.array([land]), 20.0)
-    assert result.areas[0].equals(shapely.box(0, 0, 1000, 1000))
-    assert result.owner.tolist() == [0]
-    assert result.outlines[0].buffer(20.0).covers(lake)
+    (area,), (outline,), owner = simplified(np.array([land]), 20.0)
+    assert area.equals(shapely.box(0, 0, 1000, 1000))
+    assert owner.tolist() == [0]
+    assert outline.buffer(20.0).covers(lake)
 
 
 # --- Start and goal stay in water, and connected, if they are so without the margin ---

@@ -298,9 +298,9 @@ def test_points_without_a_name_are_numbered_and_projected_ones_turned_to_degrees
         crs="EPSG:4326",
     )
     frame.to_crs("EPSG:32650").to_file(tmp_path / "h.gpkg", layer="h")
-    one, other = read_havens(tmp_path / "h.gpkg")
-    assert (one.name, other.name) == ("haven 1", "B")
-    assert (other.lon, other.lat) == pytest.approx((119.1, 9.6), abs=1e-7)
+    havens = read_havens(tmp_path / "h.gpkg")
+    assert list(havens) == ["haven 1", "B"]
+    assert (havens["B"].x, havens["B"].y) == pytest.approx((119.1, 9.6), abs=1e-7)
 
 
 def test_on_the_command_line_a_list_needs_a_limit_and_a_limit_a_list(tmp_path: Path) -> None:

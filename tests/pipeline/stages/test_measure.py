@@ -15,8 +15,7 @@ from hypothesis import given, strategies as st
 import renew
 from pipeline.findings.text import percent
 from pipeline.formats.report.sentences import clock_text
-from pipeline.geo.lonlat import DepthCover, KnownCells
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import DepthCover, KnownCells, Projection
 from pipeline.model import Case, CaseResult, ClockWorth, Water
 from pipeline.run import Outcome
 from pipeline.scenario.model import PlannerOptions

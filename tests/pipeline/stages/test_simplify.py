@@ -17,7 +17,7 @@ from pipeline.errors import StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.geo.projection import Projection
 from pipeline.model import Land, SimplifiedLand
-from pipeline.sources.land.osm import land as osm_land
+from pipeline.sources.land.osm import OsmLand
 from pipeline.stages.simplify import (
     check,
     chosen_tolerance_m,
@@ -408,7 +408,7 @@ BUSUANGA = shapely.box(119.75, 11.75, 120.45, 12.45)
 @pytest.fixture(scope="module")
 def busuanga() -> Land:
     """Return the real land around Busuanga and Culion: about 400 islands."""
-    return osm_land(BUSUANGA)
+    return OsmLand().land(BUSUANGA)
 
 
 def test_real_islands(busuanga: Land) -> None:
@@ -444,7 +444,7 @@ def test_straits_of_the_cyclades_are_water() -> None:
     """Naxos–Donousa and Amorgos–Kinaros, 16 and 17 km wide, which became land once."""
     region = shapely.box(22.5, 35.0, 29.0, 38.5)
     ends = [(23.6, 37.85), (28.3, 36.5)]
-    land = osm_land(region)
+    land = OsmLand().land(region)
     result = simplify_land(
         land.polygons, region, accuracy_m=land.accuracy_m, turning_radius_m=17.0, endpoints=ends
     )

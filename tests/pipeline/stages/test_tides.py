@@ -22,13 +22,12 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.tables import leg_headings, rows
-from pipeline.geo.lonlat import DepthCover
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import DepthCover, Projection
 from pipeline.machine.store import Artefact
 from pipeline.model import Case, Land, SimplifiedLand
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario
-from pipeline.sources.tides.station import find_station
+from pipeline.sources.tide_stations import find_station
 from pipeline.stages.choose import Chosen, with_onward_legs
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.places import tidal_depth

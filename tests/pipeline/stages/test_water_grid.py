@@ -13,8 +13,7 @@ import shapely
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import METRES_PER_DEGREE, Projection
 from pipeline.sources.current_field import LandMask
 from pipeline.stages.project import extent_polygon
 from pipeline.stages.region import grown, opened

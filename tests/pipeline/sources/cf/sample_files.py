@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import Bounds
+from pipeline.geo.projection import Bounds
 from pipeline.sources.cf.contents import find_files, read_contents
 from pipeline.sources.cf.fields import FieldReader, find_window
 from pipeline.sources.current_field import Field

@@ -20,9 +20,9 @@ from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf import fields as reading
 from pipeline.sources.cf.adapter import CfFiles
+from pipeline.sources.cf.harmonic_fit import fit_files
 from pipeline.sources.current_field import Field, LandMask
 from pipeline.sources.registry import current_source
-from pipeline.sources.tides.fit import fit_files
 from pipeline.stages.project import planar_current
 from renew._types import FloatArray
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write

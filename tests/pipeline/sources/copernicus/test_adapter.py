@@ -7,8 +7,6 @@ import configparser
 import json
 import os
 import re
-import subprocess
-import sys
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -25,7 +23,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.copernicus.adapter import Copernicus
 from pipeline.sources.copernicus.client import PASSWORD, USERNAME, without_secrets
-from pipeline.sources.copernicus.download import CachedDownload
+from pipeline.sources.copernicus.download import cached_metadata, save, staging_folder
 from pipeline.stages.fetch import fetch
 from tests.loopback_store import world
 from tests.loopback_store.world import LAND, REGION, season, spec
@@ -306,21 +304,21 @@ def test_errors_of_a_damaged_credentials_file_show_nothing_of_it(
 REQUEST = {"a": 1.5, "b": ["x"]}
 
 
-def saved(folder: Path) -> CachedDownload:
+def saved(folder: Path) -> Path:
     """Put a file into the cache."""
-    cached = CachedDownload(folder / "data_0.083deg_2024-07_abc.nc")
-    with cached.staging_folder() as staging:
-        staged = staging / cached.file.name
+    file = folder / "data_0.083deg_2024-07_abc.nc"
+    with staging_folder(folder) as staging:
+        staged = staging / file.name
         staged.write_bytes(b"content")
-        cached.save(staged, {"request": REQUEST})
-    return cached
+        save(staged, file, {"request": REQUEST})
+    return file
 
 
 def test_a_cached_file_is_found_by_its_sidecar(tmp_path: Path) -> None:
-    cached = saved(tmp_path)
-    metadata = cached.metadata(REQUEST)
+    file = saved(tmp_path)
+    metadata = cached_metadata(file, REQUEST)
     assert metadata is not None
-    assert (metadata["sha256"], metadata["bytes"]) == (file_hash(cached.file), 7)
+    assert (metadata["sha256"], metadata["bytes"]) == (file_hash(file), 7)
     assert metadata["retrieved_utc"].endswith("+00:00")
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "data_0.083deg_2024-07_abc.json",
@@ -329,38 +327,28 @@ def test_a_cached_file_is_found_by_its_sidecar(tmp_path: Path) -> None:
 
 
 def test_a_cached_file_that_does_not_match_its_sidecar_is_not_used(tmp_path: Path) -> None:
-    cached = saved(tmp_path)
-    assert cached.metadata({"a": 2}) is None
-    cached.file.write_bytes(b"cantent")
-    assert cached.metadata(REQUEST) is None
-    cached.file.unlink()
-    assert cached.metadata(REQUEST) is None
-    cached = saved(tmp_path)
+    file = saved(tmp_path)
+    assert cached_metadata(file, {"a": 2}) is None
+    file.write_bytes(b"cantent")
+    assert cached_metadata(file, REQUEST) is None
+    file.unlink()
+    assert cached_metadata(file, REQUEST) is None
+    sidecar = saved(tmp_path).with_suffix(".json")
     for damaged in ("", "[]", "{}", '{"request": ', json.dumps({"request": REQUEST})):
-        cached.sidecar.write_text(damaged)
-        assert cached.metadata(REQUEST) is None
-    cached.sidecar.unlink()
-    assert cached.metadata(REQUEST) is None
+        sidecar.write_text(damaged)
+        assert cached_metadata(file, REQUEST) is None
+    sidecar.unlink()
+    assert cached_metadata(file, REQUEST) is None
 
 
 def test_staging_folders_of_killed_runs_are_removed_and_those_in_use_are_not(
     tmp_path: Path,
 ) -> None:
-    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
-        ended.wait()
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
-        left = [
-            tmp_path / f"data_0.083deg.{ended.pid}.0123abcd.partial",
-            tmp_path / f"data_0.083deg.{other.pid}.0123abcd.partial",
-            tmp_path / f"data_0.083deg.{other.pid}.4567cdef.partial",
-        ]
-        for folder in left:
-            folder.mkdir()
-            (folder / "data.nc.XXXXXXXX").write_bytes(b"half")
-        # Older than the process that has this id now.
-        os.utime(left[2], (0, 0))
-        with CachedDownload(tmp_path / "data.nc").staging_folder() as staging:
-            assert [path.exists() for path in left] == [False, True, False]
-            assert staging.is_dir()
-        assert sorted(tmp_path.iterdir()) == [left[1]]
-        other.kill()
+    old, new = tmp_path / "a.partial", tmp_path / "b.partial"
+    for folder in (old, new):
+        folder.mkdir()
+        (folder / "data.nc.XXXXXXXX").write_bytes(b"half")
+    os.utime(old, (0, 0))
+    with staging_folder(tmp_path) as staging:
+        assert sorted(tmp_path.iterdir()) == sorted([new, staging])
+    assert list(tmp_path.iterdir()) == [new]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import logging
+import os
 import shutil
 import subprocess
 import sys
@@ -185,7 +186,8 @@ def test_a_killed_run_ends_its_client_and_the_next_one_cleans_up(
                     break
                 time.sleep(0.1)
             run.kill()
-        assert list(cache.glob("*.partial")), "a killed process can't clean up"
+        (left,) = cache.glob("*.partial")
+        os.utime(left, (0, 0))  # what a killed process left is removed when it is a day old
         for _ in range(50):
             if not clients_of(store):
                 break

@@ -23,8 +23,7 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
-from pipeline.sources.land.s57 import S57Chart
-from pipeline.sources.land.s57_cells import Cell, Objects, base_files, read_cell
+from pipeline.sources.land.s57 import Cell, Objects, S57Chart, base_files, read_cell
 from pipeline.sources.registry import land_source
 from tests.pipeline.results import rows_of
 from tests.true_scale import clearance_m

@@ -434,11 +434,6 @@ def test_odd_but_valid_geometries_are_read(tmp_path: Path, kind: str) -> None:
     assert len(land.notes) == notes, land.notes
 
 
-def test_features_without_a_geometry_are_noted(tmp_path: Path) -> None:
-    (note,) = read(geojson(tmp_path, None, None), accuracy_m=5).notes
-    assert note_text(note) == "land.geojson: 2 features have no geometry, and so no land"
-
-
 def test_deep_collections_lose_nothing(tmp_path: Path) -> None:
     """A point below four collections is land as well, and so is a line of no length."""
     point = nested({"type": "Point", "coordinates": [119.8, 10.8]}, 4)

@@ -28,19 +28,19 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 import renew
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import Faults, RequestError
-from pipeline.geo.lonlat import position_text
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import Projection, position_text
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.model.inputs import TideRange
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.model import TideSpec
 from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated
+from pipeline.texts import clean
 
 # Least number of constants of a tide: M2, S2, K1 and O1.
 _LEAST_CONSTANTS = 4
 # Sum of amplitudes, m, that no place reaches: larger sums are in feet or centimetres. The largest
 # range of the tide is 17 m, in the Bay of Fundy. At Boston, outside it, the sum is 1.23 times half
-# of the range from LAT to HAT: some 10.5 m in the bay.
+# of the range from LAT to HAT; so it is some 10.5 m in the bay.
 _MOST_M = 12.0
 _METRES = {"m", "metre", "metres", "meter", "meters", "metric"}
 # Figures among a station's datums that are ranges or intervals, not levels.
@@ -186,11 +186,6 @@ class _EntryRow(_Loose):
     phase: Number
 
 
-class _Source(_Loose):
-    name: str = ""
-    id: str = ""
-
-
 class _Entry(_Loose):
     """A station of the tide-database: metres, and phases at Greenwich, in UTC."""
 
@@ -198,7 +193,7 @@ class _Entry(_Loose):
     latitude: strict.Latitude
     longitude: strict.Longitude
     type: Literal["reference", "subordinate"] = "reference"
-    source: _Source = _Source()
+    source: dict[str, Any] = {}
     chart_datum: str = ""
     datums: dict[str, Number] = {}
     offsets: dict[str, Any] = {}
@@ -224,7 +219,9 @@ def _entry(data: _Entry, faults: list[str]) -> Station:
         datum=data.chart_datum,
         mean_level_m=levels.get("MSL", math.nan),
         datums=levels,
-        credit=", ".join(filter(None, (data.source.name, data.source.id))),
+        credit=", ".join(
+            clean(str(data.source[key])) for key in ("name", "id") if data.source.get(key)
+        ),
     )
 
 
@@ -333,7 +330,7 @@ _MAX_NAMED = 3
 _CELLS = 120
 # Share of a cell below which water in it counts as none.
 _SLIVER = 1e-3
-# Half of the 16 directions of a way along the grid: cells to the right, and up.
+# Steps of a way along the grid, as cells to the right and up: 8 of 16, the others lead back.
 _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 
 
@@ -364,8 +361,9 @@ def tide_zones(
 ) -> tuple[list[shapely.Geometry], shapely.Geometry]:
     """Return the part of a planar extent, m, in which each station counts, given its `land` (n,).
 
-    A station with a zone counts there. Elsewhere the nearest of the others by water counts, within
-    10 km of it. The second part is within 10 km of one by the straight line alone: none counts.
+    A station with a zone counts there. Elsewhere the nearest of the others by water counts, up to
+    10 km from it. The second value is the water within 10 km of a station in a straight line, but
+    not by water: no station counts there.
     """
     zones = [
         shapely.Polygon(station.zone) if station.zone else shapely.Polygon() for station in stations
@@ -401,11 +399,11 @@ def _part_by_land(
     land: Geometries,
     reach: float,
 ) -> shapely.Geometry:
-    """Give cells of the water to other zones where the straight line to a station crosses land.
+    """Give each cell of water to the station nearest by water, where land is in the straight line.
 
-    Return those that no station counts for, since all are farther by water than their reach.
-    `points` are the stations that count in the `rest` of the extent. Water that is joined with none
-    of them keeps its zone: no route leads there.
+    Changes `zones`. Returns the cells that lose their station, as every station is farther than
+    `reach` by water. `points` are the stations that count in the `rest` of the extent. Water that
+    is not joined with any of them keeps its zone: no route leads there.
     """
     which = np.array([at for at, point in enumerate(points) if point is not None])
     stations = shapely.get_coordinates([points[at] for at in which])
@@ -428,9 +426,10 @@ def _part_by_land(
 def distances_by_water(
     stations: FloatArray, extent: shapely.Polygon, land: Geometries
 ) -> tuple[Geometries, FloatArray, FloatArray]:
-    """Return cells (n,) with water, a place (n, 2) in each, and m (s, n) from stations (s, 2).
+    """Return cells (n,) with water, a place (n, 2) in each, and its distances (s, n) to stations.
 
-    All is planar. A cell that no water joins with a station is infinitely far from it.
+    All is in planar metres; `stations` are (s, 2). A cell that no water joins with a station is
+    infinitely far from it.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import dijkstra

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
 from pipeline.sources.cf.axes import coordinate_names
-from pipeline.sources.tides.fit import fit_files, separable
+from pipeline.sources.cf.harmonic_fit import fit_files, separable
 from renew.inputs.tide import arguments
 from tests.conftest import ROOT
 from tests.tide_oracles import NOISE, STREAM, fit_errors, series, utide_sum

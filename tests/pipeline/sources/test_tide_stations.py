@@ -17,7 +17,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.scenario import catalogue
-from pipeline.sources.tides.station import (
+from pipeline.sources.tide_stations import (
     Station,
     distances_by_water,
     find_station,

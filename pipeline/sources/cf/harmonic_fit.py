@@ -9,7 +9,7 @@ separates two constituents if one makes a turn more than the other within the se
 from collections.abc import Iterator, Sequence
 from datetime import timedelta
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from renew.inputs.tide import Instants, arguments, speeds
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 
@@ -122,23 +123,23 @@ def _fitted(contents: Contents) -> "xr.Dataset":
     bounds = (contents.lon.min(), contents.lat.min(), contents.lon.max(), contents.lat.max())
     window = find_window(contents.lon, contents.lat, bounds)
     with FieldReader(contents, window) as reader:
-        u, v = (
+        (u, u_mean, u_left, u_about), (v, v_mean, v_left, v_about) = (
             _solved(design, reader.blocks(series, range(len(moments))))
             for series in (contents.u, contents.v)
         )
     # A node that lacks a component at any step has no constants.
-    gap = np.where(np.isfinite(u.left + v.left), 0.0, np.nan)
-    left, about = u.left + v.left + gap, u.about + v.about
+    gap = np.where(np.isfinite(u_left + v_left), 0.0, np.nan)
+    left, about = u_left + v_left + gap, u_about + v_about
     grid, m_s = ("lat", "lon"), {"units": "m s-1"}
     share = 1 - left / np.where(about > 0, about, np.inf)
     return xr.Dataset(
         {
-            "u_re": (("constituent", *grid), u.constants.real + gap, m_s),
-            "u_im": (("constituent", *grid), u.constants.imag + gap, m_s),
-            "v_re": (("constituent", *grid), v.constants.real + gap, m_s),
-            "v_im": (("constituent", *grid), v.constants.imag + gap, m_s),
-            "u_mean": (grid, u.mean + gap, m_s),
-            "v_mean": (grid, v.mean + gap, m_s),
+            "u_re": (("constituent", *grid), u.real + gap, m_s),
+            "u_im": (("constituent", *grid), u.imag + gap, m_s),
+            "v_re": (("constituent", *grid), v.real + gap, m_s),
+            "v_im": (("constituent", *grid), v.imag + gap, m_s),
+            "u_mean": (grid, u_mean + gap, m_s),
+            "v_mean": (grid, v_mean + gap, m_s),
             "residual_rms": (grid, np.sqrt(left / len(moments)), m_s),
             "variance_share": (grid, share, {"units": "1"}),
         },
@@ -175,17 +176,14 @@ def _design(
     return np.concatenate([ones, factors * np.cos(angles), -factors * np.sin(angles)]).T
 
 
-class _Solved(NamedTuple):
-    """A component: constants (constituents, ny, nx), mean, residual and total sums of squares."""
+def _solved(
+    design: FloatArray, blocks: Iterator[tuple[list[int], FloatArray]]
+) -> tuple[ComplexArray, FloatArray, FloatArray, FloatArray]:
+    """Solve the normal equations of one component; NaN where a step has no value.
 
-    constants: ComplexArray
-    mean: FloatArray
-    left: FloatArray
-    about: FloatArray
-
-
-def _solved(design: FloatArray, blocks: Iterator[tuple[list[int], FloatArray]]) -> _Solved:
-    """Solve the normal equations of one component; NaN where a step has no value."""
+    Returns its constants (constituents, ny, nx), its mean (ny, nx), and the sums of squares (ny,
+    nx) that the fit leaves, and of the series about its mean.
+    """
     right, squares, first = np.zeros(()), np.zeros(()), np.zeros(())
     for number, (rows, values) in enumerate(blocks):
         if number == 0:
@@ -197,9 +195,9 @@ def _solved(design: FloatArray, blocks: Iterator[tuple[list[int], FloatArray]]) 
     shape = (len(right), -1)
     solution = np.linalg.solve(design.T @ design, right.reshape(shape)).reshape(right.shape)
     half = (len(solution) + 1) // 2
-    return _Solved(
-        constants=solution[1:half] + 1j * solution[half:],
-        mean=first + solution[0],
-        left=np.maximum(squares - (solution * right).sum(axis=0), 0.0),
-        about=np.maximum(squares - right[0] ** 2 / len(design), 0.0),
+    return (
+        solution[1:half] + 1j * solution[half:],
+        first + solution[0],
+        np.maximum(squares - (solution * right).sum(axis=0), 0.0),
+        np.maximum(squares - right[0] ** 2 / len(design), 0.0),
     )
