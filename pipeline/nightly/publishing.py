@@ -112,7 +112,7 @@ CHANGES_COLUMNS = (
     "status", "reason",
 )
 # fmt: on
-"""Columns; `earlier_` is yesterday's route, `keep_` the same route in tonight's current."""
+"""Columns: `earlier_…` is of yesterday's route, `keep_…` of that route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = frames.Layer(
     "routes",
@@ -176,9 +176,10 @@ def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | No
         The file can't be written, or is incomplete afterwards.
     """
     path.unlink(missing_ok=True)
-    # The best route of each case on each side comes first.
-    best = {(row["index"], row["side"]): row for row in reversed(list(routes))}
-    shown = sorted(best.values(), key=lambda row: (row["index"], row["rank"]))
+    best: dict[tuple[int, str], Row] = {}
+    for row in routes:  # the best first
+        best.setdefault((row["index"], row["side"]), row)
+    shown = list(best.values())
     with frames.system_errors(path):
         frames.write_layer(path, _frame(shown), LAYER)
         with frames.opened(path) as database:
@@ -421,14 +422,16 @@ RESULTS = (
 """The files of a cycle except `night.json`, which is written after the others are checked."""
 
 
-def item_text(cycle: str, moment: datetime, routes: pa.Table, counts: Mapping[str, int]) -> str:
+def item_text(
+    cycle: str, moment: datetime, routes: Iterable[bytes], counts: Mapping[str, int]
+) -> str:
     """Return a cycle as a static STAC item (https://stacspec.org, 1.1.0), for catalogues.
 
-    `moment` is the time of the currents or else of the night. It is written without pystac, whose
-    `Link` would turn the relative `self` into an absolute path; the tests read it with pystac.
+    `moment` is the time of the currents or else of the night; `routes` are WKB. The item is written
+    without pystac, whose `Link` would turn the relative `self` into an absolute path; the tests
+    read it with pystac.
     """
-    lines = shapely.from_wkb(routes["geometry"].to_pylist())
-    box = bounds_of(shapely.bounds(lines).tolist())
+    box = bounds_of(shapely.bounds(shapely.from_wkb(list(routes))).tolist())
     item = {
         "type": "Feature",
         "stac_version": _VERSION,
@@ -468,19 +471,21 @@ def write_files(
     """
     newest, partial = planning.newest, planning.partial
     rows = [row for case in planning.cases for row in partial.rows[case.index]]
-    counted = _counted([row for row in rows if not row["rank"]], partial)
-    cases = pa.Table.from_pylist([row for row in rows if not row["rank"]], CASE_SCHEMA)
-    routes = pa.Table.from_pylist([row for row in rows if row["rank"]], ROUTE_SCHEMA)
-    case_rows, counts = cases.to_pylist(), counted["cases_by_outcome"]
+    of_cases = [row for row in rows if not row["rank"]]
+    routes = [row for row in rows if row["rank"]]
+    counted = _counted(of_cases, partial)
+    cases = pa.Table.from_pylist(of_cases, CASE_SCHEMA)
+    case_rows = cases.to_pylist()  # with all columns, which the rows of some cases lack
     with writing(folder):
         write_table(cases, folder / CASES_FILE)
-        write_table(routes, folder / ROUTES_FILE)
+        write_table(pa.Table.from_pylist(routes, ROUTE_SCHEMA), folder / ROUTES_FILE)
         write_changes(case_rows, folder / CHANGES_FILE)
         write_history(history, case_rows, folder / HISTORY_FILE, newest)
-        write_geopackage(routes.to_pylist(), folder / GEOPACKAGE_FILE, newest.time)
+        write_geopackage(routes, folder / GEOPACKAGE_FILE, newest.time)
         page = page_text(newest, case_rows, notes, _charts(planning), planning.earlier)
         (folder / PAGE_FILE).write_text(page, encoding="utf-8")
-        item = item_text(newest.cycle, newest.time or partial.started, routes, counts)
+        moment, counts = newest.time or partial.started, counted["cases_by_outcome"]
+        item = item_text(newest.cycle, moment, [row["geometry"] for row in routes], counts)
         (folder / ITEM_FILE).write_text(item, encoding="utf-8")
     return counted
 
@@ -524,7 +529,8 @@ def check_files(folder: Path, count: int) -> None:
         cases = pq.read_table(folder / CASES_FILE, columns=["index", "routes"])
         if cases["index"].to_pylist() != list(range(count)):
             faults.append(f"{CASES_FILE} has {cases.num_rows:,} rows for {count:,} cases")
-        rows = pq.read_table(folder / ROUTES_FILE).num_rows
+        batches = pq.ParquetFile(folder / ROUTES_FILE).iter_batches()
+        rows = sum(batch.num_rows for batch in batches)
         if rows != (expected := pc.sum(cases["routes"]).as_py() or 0):
             faults.append(f"{ROUTES_FILE} has {rows:,} rows for {expected:,} routes")
         pq.read_table(folder / HISTORY_FILE, columns=["cycle"])

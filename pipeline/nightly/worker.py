@@ -147,10 +147,10 @@ def loaded_current(path: Path) -> NightCurrent:
 
 def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
     """Load a chart or current that a task has stored; raise StageError if it can't be read."""
-    found = load_artefact(path, kind)
-    if found is None:
+    stored = load_artefact(path, kind)
+    if stored is None:
         raise StageError(f"can't read {path}; give all workers access to the same output folder")
-    return found
+    return stored
 
 
 def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
@@ -418,7 +418,7 @@ def judged(
     """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()
     if earlier is not None and "earlier_class" in row:
-        rejected = {one.homotopy for one in planned.plan.rejected} if planned.plan else set()
+        rejected = {path.homotopy for path in planned.plan.rejected} if planned.plan else set()
         sailed = {route.homotopy for route in planned.routes}
         name = earlier.homotopy
         if name in rejected - sailed or row.get("keep_fuel") is None:

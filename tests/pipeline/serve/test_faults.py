@@ -124,5 +124,5 @@ async def test_a_file_that_is_sent_twice_counts_once(
     sent = [await _send(given, b"x" * 400) for _ in range(5)]
     assert len(set(sent)) == 1
     await _send(given, b"y" * 400)
-    with pytest.raises(files.TooLargeError, match="no room is left"):
+    with pytest.raises(files.NotTakenError, match="no room is left"):
         await _send(given, b"z" * 400)
