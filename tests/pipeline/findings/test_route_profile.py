@@ -13,7 +13,6 @@ from pathlib import Path
 import gpxpy
 import numpy as np
 import pyogrio
-import pyproj
 import pytest
 import shapely
 from hypothesis import assume, example, given, strategies as st
@@ -48,8 +47,7 @@ from tests.pipeline import chosen_speeds, tidal_run
 from tests.pipeline.formats import oracles, runs, small_run
 from tests.pipeline.results import with_case, with_measures, with_water
 from tests.strategies import examples
-
-GEOD = pyproj.Geod(ellps="WGS84")
+from tests.true_scale import GEOD
 
 
 def evaluated(result: RunResult) -> RunResult:
@@ -346,9 +344,7 @@ def test_no_file_asks_for_more_than_the_vessel_can_sail(any_run: RunResult, tmp_
     season = any_run.results[0].name
     points = case_waypoints(any_run.case(season))[0]
     quickest = oracles.quickest_s(points, any_run)
-    length = np.array(
-        [oracles.GEOD.line_length(line[:, 0], line[:, 1]) for line in oracles.drawn(points)]
-    )
+    length = np.array([GEOD.line_length(line[:, 0], line[:, 1]) for line in oracles.drawn(points)])
     for name, speeds in speeds_in_files(any_run, season, tmp_path).items():
         # Half a unit of the last place: hundredths of a knot on paper, else thousandths of m/s.
         rounding = 0.005 / KNOTS_PER_M_S if name == "passage plan" else 5e-4

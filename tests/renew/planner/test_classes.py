@@ -205,14 +205,4 @@ def test_islands_below_the_least_size_name_no_class() -> None:
 def test_finds_the_way_that_a_coarse_roadmap_misses(seed: int) -> None:
     """Thin walls, with the current from still to strong; without it: 41, 17 and 32 % dearer."""
     scene = bounded_scene(seed)
-    found = renew.plan(
-        scene.chart,
-        scene.current,
-        PAPER_VESSEL,
-        scene.start,
-        scene.goal,
-        drift=scene.drift,
-        padding="none",
-        classes=1,
-    )
-    assert found.best.fuel < 1.03 * scene.oracle()
+    assert scene.plan(padding="none", classes=1).best.fuel < 1.03 * scene.oracle()

@@ -12,7 +12,6 @@ from typing import get_args
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-import pyproj
 import pytest
 import shapely
 from hypothesis import given, strategies as st
@@ -38,6 +37,7 @@ from pipeline.formats.figures.season_map import case_svg, overview_figure
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.figures.legible import assert_texts_apart, ink_at_the_edge, is_land
+from tests.true_scale import GEOD
 
 
 @given(st.floats(1e-9, 1e9))
@@ -110,7 +110,7 @@ def test_the_scale_bar_is_true(latitude: float, scale: float) -> None:
     middle = np.array([(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2])
     half = np.array([length / 2, 0])
     ends = projection.to_lonlat(np.stack([middle - half, middle + half]))
-    *_, measured = pyproj.Geod(ellps="WGS84").inv(*ends[0], *ends[1])
+    *_, measured = GEOD.inv(*ends[0], *ends[1])
     assert measured == pytest.approx(length_m, rel=2e-3)
     assert 0.1 < length / (bounds[2] - bounds[0]) <= 0.3
 
