@@ -43,7 +43,7 @@ def note_texts(notes: Iterable[Note]) -> list[str]:
 
 
 def note_json(note: Note) -> dict[str, object]:
-    """Return a note for JSON: the sentence, its kind, its seasons, and its values."""
+    """Return a note for JSON: the sentence, its kind, its cases, and its values."""
     values = {name: note_value(value) for name, value in note.values}
     return {
         "text": note_text(note),

@@ -163,7 +163,7 @@ def test_no_speeds_of_an_optimizer_need_less_by_the_clock(seed: int, exponent: f
         voyage.deadline,
         SPEEDS,
         exponent,
-        voyage.drift == "crab",
+        voyage.drift,
     )
     half = LEGS // 2
     legs = np.vstack(
