@@ -114,13 +114,12 @@ QUOTED := padding draws gyre sampled published triangulators scenes sides offing
 
 figures: $(READY)  ## measure what pages quote: docs/figures/*.csv; then tests/test_claims.py names each page that differs
 	$(BIN)/renew run palawan-season --offline
-	$(BIN)/python -m tests.readme_table outputs/palawan-season/metrics.csv
+	cp outputs/palawan-season/metrics.csv docs/figures/palawan-season.csv
+	$(BIN)/python -m tests.reference
 	$(BIN)/python -m tests.bench --record $(QUOTED)
 
 reference: $(READY)  ## the reference of a scenario's keys, its JSON schema, all commands and a route's figures: docs/reference/, outputs/README.md
-	$(BIN)/python -m tests.scenario_reference
-	$(BIN)/python -m tests.command_reference
-	$(BIN)/python -m tests.column_reference
+	$(BIN)/python -m tests.reference
 
 # -W: a broken link, a public name without docstring or a cell that was not executed fails the build. -E: nothing is left
 # from an earlier one. It loads nothing from the network.

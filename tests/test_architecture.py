@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 import zipfile
@@ -19,6 +18,7 @@ import yaml
 from importlinter.cli import lint_imports
 
 import renew
+from tests.commands import PYTHON, ran
 from tests.conftest import ROOT
 
 # Imported by none of our modules, and declared all the same.
@@ -130,7 +130,7 @@ def test_the_citation_names_this_version(root: Path, project: dict[str, Any]) ->
 
 def test_the_wheel_holds_every_module_and_the_catalogue(root: Path, tmp_path: Path) -> None:
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    ran(*build, cwd=root)
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
@@ -154,10 +154,8 @@ def test_the_command_line_starts_without_the_heavy_libraries() -> None:
     script = (
         "import sys, pipeline.cli.main; print(*{name.partition('.')[0] for name in sys.modules})"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], check=True, capture_output=True, text=True
-    )
-    assert set(done.stdout.split()) & HEAVY == set()
+    done = ran(*PYTHON, script)
+    assert set(done.split()) & HEAVY == set()
 
 
 def test_citation_and_changelog_have_the_version_and_its_date() -> None:
@@ -177,5 +175,5 @@ def test_a_tag_of_this_commit_is_the_version() -> None:
     if git is None or not (ROOT / ".git").exists():
         pytest.skip("needs the repository")
     command = [git, "tag", "--points-at", "HEAD", "--list", "v*"]
-    tags = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    tags = ran(*command, cwd=ROOT)
     assert set(tags.split()) <= {f"v{renew.__version__}"}

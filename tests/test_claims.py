@@ -27,11 +27,11 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.cf.harmonic_fit import CONSTITUENTS
 from pipeline.sources.tide_stations import OwnConstant, OwnStation
 from renew.inputs.options import Changes
-from tests import column_reference, command_reference, scenario_reference
+from tests import reference
 from tests.bench.__main__ import SUITES
 from tests.bench.figure import COLUMNS, FOLDER, recorded
 from tests.conftest import ROOT
-from tests.readme_table import BEGIN, END, METRICS
+from tests.reference import BEGIN, END, METRICS
 from tests.test_docs import DOCUMENTS, FENCE, SHELL, SPAN
 
 QUOTES = tomllib.loads((ROOT / "tests" / "claims.toml").read_text("utf-8"))
@@ -249,22 +249,11 @@ def test_options_of_plan_are_on_its_pages() -> None:
     assert {name: eval(value) for name, value in shown.items()} == defaults  # noqa: S307
 
 
-def test_commands_and_their_options_are_on_their_page() -> None:
-    page = command_reference.PAGE.read_text("utf-8")
-    new = command_reference.with_commands(page, command_reference.text())
-    assert page == new, "run `make reference`"
-
-
-def test_the_figures_of_a_route_are_on_the_page_of_files() -> None:
-    page = column_reference.PAGE.read_text("utf-8")
-    assert page == column_reference.with_columns(page), "run `make reference`"
-
-
 @pytest.mark.parametrize("document", PAGES)
 def test_commands_and_options_that_are_named_exist(document: str) -> None:
-    commands = command_reference.commands()
+    commands = reference.commands()
     every = {"--help", "--version", "--install-completion", "--show-completion"}
-    known = every.union(*(command_reference.options(one) for one in commands.values()))
+    known = every.union(*(reference.options(one) for one in commands.values()))
     text = (ROOT / document).read_text("utf-8")
     shell = [block["body"] for block in FENCE.finditer(text) if block["language"] in SHELL]
     for typed in (*shell, *SPAN.findall(FENCE.sub("", text))):
@@ -276,9 +265,7 @@ def test_commands_and_options_that_are_named_exist(document: str) -> None:
                 f"no command: renew {name}"
             )
             if command is not None:
-                unknown = (
-                    set(OPTION.findall(rest)) - set(command_reference.options(command)) - every
-                )
+                unknown = set(OPTION.findall(rest)) - set(reference.options(command)) - every
                 assert not unknown, f"renew {name} has no {unknown}"
     alone = {span.split()[0].split("=")[0] for span in SPAN.findall(text) if span.startswith("--")}
     assert alone - known <= FOREIGN.get(document, set())
@@ -312,7 +299,7 @@ def test_keys_of_a_night_are_on_their_page() -> None:
 
 def _keys() -> dict[str, set[str]]:
     """Keys of a scenario's tables by their paths."""
-    return {table.path: _names(table.model) for table in scenario_reference.tables()}
+    return {table.path: _names(table.model) for table in reference.tables()}
 
 
 def _names(model: type[BaseModel]) -> set[str]:

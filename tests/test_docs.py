@@ -7,7 +7,6 @@ import dataclasses
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -18,10 +17,10 @@ import jupytext
 import pytest
 
 import renew
+from tests.commands import ended, ran
+from tests.conftest import ROOT
 from tests.notebooks import EXECUTED, SOURCES
-from tests.readme_table import METRICS, table, with_table
 
-ROOT = Path(__file__).resolve().parent.parent
 PAPER_MAP = "docs/explanation/paper-map.md"
 DOCUMENTS = (
     "README.md",
@@ -110,7 +109,7 @@ def test_shell_blocks_run(document: str, tmp_path: Path, monkeypatch: pytest.Mon
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
     text, namespace = _text(document), dict[str, object]({"__name__": "__main__"})
-    ran = 0
+    count = 0
     for block in FENCE.finditer(text):
         language, body = block["language"], block["body"]
         if language == "python":
@@ -119,12 +118,9 @@ def test_shell_blocks_run(document: str, tmp_path: Path, monkeypatch: pytest.Mon
             (tmp_path / named[1]).write_text(body, encoding="utf-8")
         elif language in SHELL and not NOT_RUN.search(text[: block.start()]):
             command = ["/bin/sh", "-ec", body]
-            done = subprocess.run(
-                command, env=environment, capture_output=True, text=True, check=False
-            )
-            assert done.returncode == 0, f"{body}\n{done.stderr}"
-            ran += 1
-    assert ran
+            ran(*command, env=environment)
+            count += 1
+    assert count
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in SOURCES.glob("*.md")))
@@ -136,10 +132,8 @@ def test_executed_notebooks_are_those_of_their_text(name: str) -> None:
     assert all(cell.execution_count for cell in executed if cell.cell_type == "code")
 
 
-def test_the_readme_is_one_screen_and_its_figures_are_a_runs() -> None:
-    readme = _text("README.md")
-    assert len(readme.split()) <= 700
-    assert with_table(readme, table(METRICS)) == readme, "run `make figures`"
+def test_the_readme_is_one_screen() -> None:
+    assert len(_text("README.md").split()) <= 700
 
 
 def test_every_page_of_the_site_is_in_its_index() -> None:
@@ -155,10 +149,7 @@ def test_every_page_of_the_site_is_in_its_index() -> None:
 @pytest.mark.slow
 def test_the_site_is_built_strictly_and_has_every_public_name(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sphinx", "-W", "-E", "-q", "-b", "html", "docs"]
-    done = subprocess.run(
-        [*command, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    ran(*command, str(tmp_path), cwd=ROOT)
     page = (tmp_path / "reference" / "python.html").read_text("utf-8")
     anchors = set(re.findall(r'id="((?:renew|pipeline)\.[\w.]+)"', page))
     assert {f"renew.{name}" for name in renew.__all__} <= anchors
@@ -207,11 +198,8 @@ def test_a_strict_build_fails_at_faults(faults: tuple[str, ...], tmp_path: Path)
     tree = "\n".join(["", "```{toctree}", *pages, "```", ""])
     (source / "index.md").write_text(begin + tree, encoding="utf-8")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-E", "-q", "-b", "html"]
-    done = subprocess.run(
-        [*command, str(source), str(tmp_path / "site")],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(source)])},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    path = os.pathsep.join([str(ROOT), str(source)])
+    done = ended(*command, source, tmp_path / "site", env={**os.environ, "PYTHONPATH": path})
     assert (done.returncode != 0) == (faults != ("none",)), done.stderr
     for fault in faults:
         assert FAULTS[fault][-1] in done.stderr
@@ -336,15 +324,7 @@ def test_make_targets_exist() -> None:
         pytest.skip("needs make")
     # The flags of an outer make (-j, --jobserver) are not meant for this one.
     environment = {key: value for key, value in os.environ.items() if not key.startswith("MAKE")}
-    done = subprocess.run(
-        [make, "--dry-run", "help", *_targets()],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    ran(make, "--dry-run", "help", *_targets(), cwd=ROOT, env=environment)
 
 
 def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
@@ -356,5 +336,5 @@ def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     assert found is not None
     unit.write_text(found[1].replace("/opt/renew/bin/renew", program))
     command = [analyze, "verify", str(unit)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = ended(*command)
     assert (done.returncode, done.stderr) == (0, "")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
+
+from tests.commands import ran
 
 # Two property tests that record their examples. Hypothesis would take the constants of a module
 # beside them for interesting numbers, once that is imported.
@@ -37,12 +38,14 @@ def drawn(root: Path, folder: Path, *options: str, **variables: str) -> Counter[
     environment = {key: value for key, value in os.environ.items() if key != "CI"} | variables
     plugins = ("-p", "_hypothesis_pytestplugin", "-p", "tests.conftest")
     asked = ("-q", *plugins, "--rootdir", str(folder), "-c", os.devnull, *options)
-    subprocess.run(
-        [sys.executable, "-m", "pytest", *asked, str(tests)],
+    ran(
+        sys.executable,
+        "-m",
+        "pytest",
+        *asked,
+        str(tests),
         cwd=root,
         env=environment | {"NOTES": str(notes), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
-        capture_output=True,
-        check=True,
     )
     return Counter(notes.read_text().splitlines())
 

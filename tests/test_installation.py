@@ -18,6 +18,7 @@ import pytest
 
 from renew._compiled import cache_folder
 from tests.bench.figure import recorded
+from tests.commands import ended, ran
 from tests.conftest import ROOT
 
 FILES = "import pipeline, renew; print(renew.__file__, pipeline.__file__, sep='\\n')"
@@ -29,11 +30,7 @@ def _ran(folder: Path, *command: str | Path) -> str:
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     # Machine code is named by the sources: what this checkout has compiled is not compiled again.
     environment["NUMBA_CACHE_DIR"] = str(cache_folder().parent)
-    done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return ran(*command, cwd=folder, env=environment)
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +78,7 @@ def test_uv_installs_the_wheel_as_a_tool_that_plans_in_an_empty_folder(
     monkeypatch.setenv("UV_TOOL_BIN_DIR", str(tmp_path / "programs"))
     uv = Path(sys.executable).with_name("uv")
     asked = (f"{wheel}[grib]", "--python", sys.executable, "--quiet", "--no-config")
-    done = subprocess.run(
-        [uv, "tool", "install", *asked], capture_output=True, text=True, check=False
-    )
+    done = ended(uv, "tool", "install", *asked)
     if "error sending request" in done.stderr:
         pytest.skip("the package index can't be reached")
     assert done.returncode == 0, done.stderr
@@ -108,7 +103,7 @@ UNREACHABLE = ("pinging container registry", "no such host", "failed to resolve 
 
 
 def _done(*command: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return ended(*command, cwd=ROOT)
 
 
 def _built(*command: str) -> None:

@@ -16,7 +16,9 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-ROOT = Path(__file__).resolve().parent.parent
+from tests.commands import ended, ran
+from tests.conftest import ROOT
+
 OPERATION = ROOT / "catalog" / "operation"
 CONTAINERFILE = (OPERATION / "Containerfile").read_text("utf-8")
 SCRIPTS = Path(sys.executable).parent
@@ -26,7 +28,7 @@ EXPOSED = 2.0
 
 def checked(*command: str | Path) -> str:
     """Run a checker that must find nothing; return what it printed."""
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    done = ended(*list(map(str, command)))
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
 
@@ -141,7 +143,7 @@ def test_what_the_container_copies_is_all_that_its_wheel_and_its_pins_need(tmp_p
     assert all(str(one.specifier).startswith("==") for one in pinned)
 
     build = [sys.executable, "-P", "-m", "hatchling", "build", "-t", "wheel"]
-    subprocess.run(build, cwd=tmp_path, check=True, capture_output=True)
+    ran(*build, cwd=tmp_path)
     (wheel,) = (tmp_path / "dist").glob("*.whl")
     (made,) = importlib.metadata.Distribution.discover(path=[str(wheel)])
     assert {script.name for script in made.entry_points} == {"renew"}
@@ -200,12 +202,14 @@ def test_the_job_hands_a_night_to_its_scheduler_and_exit_code_10_is_no_failure(
 ) -> None:
     (tmp_path / "code").write_text(str(code))
     output = tmp_path / "out"
-    done = subprocess.run(
-        ["/bin/bash", OPERATION / "nightly.slurm", "my night.toml", output, "--only", "a"],
+    done = ended(
+        "/bin/bash",
+        OPERATION / "nightly.slurm",
+        "my night.toml",
+        output,
+        "--only",
+        "a",
         env=programs | {"SLURM_JOB_ID": "7"},
-        capture_output=True,
-        text=True,
-        check=False,
     )
     assert (done.returncode, done.stderr) == (ends_with, "")
     assert done.stdout == (
@@ -223,13 +227,7 @@ def test_the_job_of_the_cluster_ends_well_with_exit_code_10(
     (job,) = (one for one in objects if one["kind"] == "CronJob")
     (container,) = _pods(job)[0]["containers"]
     (tmp_path / "code").write_text(str(code))
-    done = subprocess.run(
-        container["command"] + container["args"],
-        env=programs,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ended(*(container["command"] + container["args"]), env=programs)
     assert (done.returncode, done.stderr) == (ends_with, "")
     assert done.stdout.startswith("nightly run --config /etc/renew/nightly.toml --output /data/")
 

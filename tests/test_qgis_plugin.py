@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -20,6 +19,7 @@ import shapely
 
 from pipeline.sources.current_field import Field
 from tests.bench.figure import recorded
+from tests.commands import ended, ran
 from tests.pipeline.sources.cf.grib_files import write_grib
 from tests.pipeline.synthetic_currents import dataset, sea
 
@@ -84,9 +84,9 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "XDG_RUNTIME_DIR": str(folder),
         "QGIS_CUSTOM_CONFIG_PATH": str(folder),
     }
-    subprocess.run([RENEW, "qgis", "install"], env=variables, check=True, capture_output=True)
+    ran(RENEW, "qgis", "install", env=variables)
     enable = [QGIS, "plugins", "enable", "renew_routes"]
-    subprocess.run(enable, env=variables, check=True, capture_output=True)
+    ran(*enable, env=variables)
     return variables
 
 
@@ -94,7 +94,7 @@ def planned(home: dict[str, str], algorithm: str, **values: object) -> dict[str,
     """Run an algorithm; return its results, or its error under "error"."""
     given = [f"{name}={value}" for name, value in values.items()]
     command = [str(QGIS), "--json", "run", f"renew:{algorithm}", "--", *given]
-    done = subprocess.run(command, env=home, capture_output=True, text=True, check=False)
+    done = ended(*command, env=home)
     if done.returncode:
         return {"error": done.stderr}
     results: dict[str, Any] = json.loads(done.stdout)["results"]
@@ -189,9 +189,7 @@ def scripted(home: dict[str, str], script: str, *arguments: str) -> str:
     """Run a script with QGIS's Python, which has the plugin; return what it prints."""
     plugins = Path(home["QGIS_CUSTOM_CONFIG_PATH"]) / "profiles" / "default" / "python" / "plugins"
     command = ["/usr/bin/python3", "-c", script, str(plugins), *arguments]
-    done = subprocess.run(command, env=home, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return ran(*command, env=home)
 
 
 def test_layers_have_their_styles_titles_and_order(home: dict[str, str], tmp_path: Path) -> None:
@@ -206,5 +204,5 @@ def test_a_cancelled_plan_ends(home: dict[str, str], tmp_path: Path) -> None:
     assert "Cancelled" in said
     assert 3.0 <= float(said.split()[-1]) < 30.0
     time.sleep(1.0)
-    listed = subprocess.run(["/bin/ps", "-eo", "args"], capture_output=True, text=True, check=True)
-    assert str(tmp_path / "out") not in listed.stdout
+    listed = ran("/bin/ps", "-eo", "args")
+    assert str(tmp_path / "out") not in listed

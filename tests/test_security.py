@@ -20,6 +20,7 @@ import pytest
 
 from pipeline.machine.store import load_artefact, save_artefact
 from renew._compiled import cache_folder
+from tests.commands import ended
 from tests.pipeline.nightly.nights import REFERENCE, region_night, write_forecast
 from tests.pipeline.small_plane import small_plane
 
@@ -121,14 +122,7 @@ def _renew(folder: Path, *arguments: str) -> str:
     """Run the command as a user does, in a folder; return what it prints."""
     program = Path(sys.executable).with_name("renew")
     variables = {name: text for name, text in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run(
-        [str(program), *arguments],
-        cwd=folder,
-        env=variables,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ended(str(program), *arguments, cwd=folder, env=variables)
     assert done.returncode in {0, 1, 5, 10}, (arguments, done.stderr)
     return done.stdout + done.stderr
 

@@ -15,6 +15,8 @@ from typing import Any, TypeAlias
 from lxml import etree
 from playwright.sync_api import Browser, Page
 
+from tests.commands import ended
+
 # lxml has no types.
 Element: TypeAlias = Any
 
@@ -30,12 +32,7 @@ def geopackage_faults(package: Path) -> str | None:
         probe = [python, "-W", "ignore", "-c", f"import {module}"]
         if subprocess.run(probe, capture_output=True, check=False).returncode:
             continue
-        checked = subprocess.run(
-            [python, "-W", "ignore", "-m", module, "--extra", str(package)],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        checked = ended(python, "-W", "ignore", "-m", module, "--extra", str(package))
         return checked.stdout + checked.stderr if checked.returncode else ""
     return None
 

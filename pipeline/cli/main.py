@@ -41,7 +41,7 @@ from pipeline.texts import seen
 from pipeline.underway.request import UnderWayRequest
 from pipeline.voyage.readers import EXAMPLES, halves
 from pipeline.voyage.request import VoyageRequest, read_voyage
-from pipeline.voyage.table import read, spelling
+from pipeline.voyage.table import read
 
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import ScenarioFile
@@ -257,10 +257,9 @@ def replan(
         faults = Faults()
         results = Path(given["results"])
         finished = faults.collect(lambda: finished_season(results, given["season"] or ""))
-        at = spelling(UnderWayRequest, "command")
-        request = read(UnderWayRequest, given, at, known=faults.lines)
+        request = read(UnderWayRequest, given, "command", known=faults.lines)
         scenario, notes = under_way_scenario(request, finished)
-        beside = expanded(results, at.results).absolute().parent
+        beside = expanded(results, "RESULTS").absolute().parent
         run = partial(run_scenario, scenario, beside, offline=request.offline, said=notes)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
 

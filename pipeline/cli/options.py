@@ -1,6 +1,6 @@
-"""How commands read their arguments, and how their help is written.
+"""The options of commands, and the classes of commands that parse them and write their help.
 
-Options are made from tables of options, or are annotated types. Lines of help break between words.
+Options are made from a table of options, or are annotated types.
 """
 
 import contextlib
@@ -62,7 +62,7 @@ def _parameter(table: type[Any], option: Option) -> inspect.Parameter:
 
 
 def _info(table: type[Any], option: Option) -> Any:  # noqa: ANN401 - typer's argument or option
-    """Return what typer is told of an option."""
+    """Return what typer has to know of an option."""
     known: dict[str, Any] = {
         "help": help_text(option, spelling(table, "command")),
         "metavar": option.metavar or None,
@@ -85,7 +85,7 @@ def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:
 
 
 def _as_for_voyages(field: str) -> Any:  # noqa: ANN401 - typer's option
-    """Return an option of other commands that means what it means for a voyage."""
+    """Return an option of `renew go`, for other commands."""
     (option,) = (option for option in options(VoyageRequest) if option.field == field)
     return _info(VoyageRequest, option)
 

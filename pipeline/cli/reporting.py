@@ -24,7 +24,7 @@ from pipeline.cli.terminal import (
     terminal_width,
 )
 from pipeline.findings import text
-from pipeline.findings.columns import figures
+from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.text import json_value, season_text
@@ -273,7 +273,7 @@ def _passages(outcome: Outcome) -> Iterator[str]:
         name = ranked.case.name
         passage = outcome.scenario.passage(name, round(ranked.metrics.duration_s))
         if ranked.rank == 1 and passage is not None:
-            about = "".join(f"{one}: " for one in outcome.scenario.season_if_several(name))
+            about = f"{name}: " if len(outcome.scenario.seasons) > 1 else ""
             leave, arrive = text.exact_moment_text(passage[0]), text.moment_text(passage[1])
             yield f"{about}Leave at {leave}, arrive at {arrive}.\n"
 

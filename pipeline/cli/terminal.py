@@ -1,7 +1,4 @@
-"""What commands print: lines as wide as the terminal, lines of JSON, bars; no credentials.
-
-Lines break between words only.
-"""
+"""How commands print: lines that fit the terminal, lines of JSON without credentials, and bars."""
 
 import contextlib
 import re

@@ -54,10 +54,10 @@ def show(
 
         faults = Faults()
         span = faults.collect(lambda: _span(begin, end))
-        found = faults.collect(lambda: find_station(station))
-        if span is None or found is None:
+        tide_station = faults.collect(lambda: find_station(station))
+        if span is None or tide_station is None:
             raise RequestError(faults.lines)
-        typer.echo(_listed(found, *span, as_json=as_json))
+        typer.echo(_listed(tide_station, *span, as_json=as_json))
 
 
 @app.command(cls=options.Command)
@@ -84,7 +84,7 @@ def fit(
             raise RequestError(f"--out: {shown(out)} {reason}")
         if not folder.is_dir() or (folder / out.name).is_dir():
             raise RequestError(f"--out: {shown(out)} can't be a file; name one in a folder")
-        found = fit_files(series)
+        constants = fit_files(series)
         contents = read_contents(find_files(series))
         for text in note_texts([*contents.notes, *contents.steps.notes]):
             typer.echo(f"note: {text}", err=True)
@@ -94,13 +94,13 @@ def fit(
                 # the NetCDF library frees the type of strings at the first close, and crashes at
                 # the second.
                 names_as = {"constituent": {"dtype": "S1"}}
-                found.to_netcdf(file.name, engine="netcdf4", encoding=names_as)
+                constants.to_netcdf(file.name, engine="netcdf4", encoding=names_as)
         except (OSError, RuntimeError) as error:
             raise StageError(f"--out: {shown(out)} can't be written: {error}") from None
-        share, rms = found["variance_share"].values, found["residual_rms"].values
+        share, rms = constants["variance_share"].values, constants["residual_rms"].values
         is_fitted = np.isfinite(rms)
         weak = int((share[is_fitted] < WEAK_SHARE).sum())
-        names = found["constituent"].values.tolist()
+        names = constants["constituent"].values.tolist()
         typer.echo(
             f"{shown(out)}: {len(names)} constituents at {is_fitted.sum():,} nodes: "
             f"{', '.join(names)}"
@@ -136,10 +136,10 @@ def _moment(option: str, text: str, *, at_end: bool) -> datetime:
     from pipeline.scenario.season import period
 
     try:
-        found = period(text)
+        named = period(text)
     except ValueError as error:
         raise RequestError(f"{option}: {error}") from None
-    return found.end if at_end else found.begin
+    return named.end if at_end else named.begin
 
 
 def _listed(station: "Station", first: datetime, last: datetime, *, as_json: bool) -> str:

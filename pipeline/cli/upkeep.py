@@ -1,8 +1,8 @@
 """Keep an installation in order: `renew doctor | warm | clean`, and `renew qgis install`.
 
-The doctor checks what no error of a run tells, or tells too late: versions, folders that can be
-written, space on the disk, and the account for currents. A fault makes every run fail or its
-results wrong. A warning is for something that only some runs need, such as the account.
+The doctor checks what a run would report too late or not at all: versions, folders that can be
+written, space on the disk, and the account for currents. A fault makes every run fail, or its
+results wrong. A warning is about something that only some runs need, such as the account.
 """
 
 import contextlib
@@ -266,7 +266,7 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
         A run is using the folder.
     """
     from pipeline import session
-    from pipeline.machine.store import MAX_STORE_BYTES, seconds_ago
+    from pipeline.machine.store import MAX_STORE_BYTES
     from pipeline.sources.land.osm import remove_cached
 
     age = re.fullmatch(r"(\d{1,6})([hdw])", older)
@@ -276,7 +276,9 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
         )
     days = int(age[1]) * _DAYS[age[2]]
     freed = session.clean(
-        output, max_bytes=0 if everything else MAX_STORE_BYTES, used_before=seconds_ago(days)
+        output,
+        max_bytes=0 if everything else MAX_STORE_BYTES,
+        used_before=time.time() - 86_400 * days,
     )
     text = (
         f"Freed {freed.size / _MB:,.1f} MB ({freed.files:,} files); {freed.remaining / _MB:,.1f} "

@@ -1,4 +1,4 @@
-"""Access to the catalogue: scenarios, vessels, sources and tables of currents, as data."""
+"""The catalogue: models of its vessels and sources, and how its files are found and read."""
 
 import hashlib
 import json
@@ -17,7 +17,7 @@ from pipeline.scenario.region import ChartSpec
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import StrictModel, near_miss, shown
 
-# The limit of `renew.Vessel`: larger figures are a slip of the pen, and their powers overflow.
+# The limit of `renew.Vessel`: larger figures are typing errors, and their powers overflow.
 _Figure = Annotated[strict.Positive, Field(le=1e6)]
 _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 
@@ -70,7 +70,7 @@ _MAX_TOML_BYTES = 4 << 20
 
 
 class SourceBase(StrictModel):
-    """The keys of every source's entry; the credit is "" where the data state it themselves."""
+    """The keys of every source's entry; `credit` is empty if the data state it themselves."""
 
     schema_version: Literal[1]
     name: strict.Name
@@ -346,7 +346,7 @@ def _toml(content: bytes, path: Path) -> dict[str, Any]:
 
 
 def unknown(kind: str, value: str, known: Iterable[str]) -> str:
-    """Return the fault that a name is not in the catalogue, to be put behind its key."""
+    """Say that a value is not a name in the catalogue; the text follows the key in a message."""
     return f"= {shown(value)} is not a {kind} of the catalogue: {near_miss(value, known)}"
 
 

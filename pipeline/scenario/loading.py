@@ -1,7 +1,7 @@
-"""Load a scenario's file, with the currents that `--currents` names; write a scenario as TOML.
+"""Load a scenario from its file, and check it; write a scenario as TOML.
 
-The keys of a file are checked first, all at once, then whether its tables go together. Sources are
-not asked here: `pipeline.stages.region` checks whether their data cover a season.
+The keys of a file are checked first, all at once, and then whether its tables go together. No data
+are opened here: `pipeline.stages.region` checks whether the sources cover region and time.
 """
 
 import glob
@@ -36,7 +36,7 @@ def load_scenario(
     currents: Sequence[str | Path] = (),
     on_note: Callable[[str], None] | None = None,
 ) -> Scenario:
-    """Load a scenario by its name in the catalogue or its path, or from its file that was read.
+    """Load a scenario by its name in the catalogue, by its path, or from a file that was read.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _time_faults(scenario: Scenario) -> Iterator[str]:
 
 
 def _keys_with_hours(scenario: Scenario) -> dict[str, str]:
-    """Return the keys that depend on the date, and what to leave out to be rid of it."""
+    """Return the keys with hours that shut water, and what to leave out to drop the hours."""
     keys = {}
     if any(area.has_hours for area in scenario.avoid):
         keys["[[avoid]]"] = "'from' and 'until'"
@@ -165,7 +165,7 @@ def _keys_with_hours(scenario: Scenario) -> dict[str, str]:
 
 
 def _timeless_faults(season: Season) -> Iterator[str]:
-    """Find keys that make sense only in changing water, in a season whose water does not change."""
+    """Find keys that need water that changes with time, in a season whose water does not."""
     given = [
         repr(name)
         for name in ("departures", "to_within", "arrive_by")
@@ -181,7 +181,7 @@ def _timeless_faults(season: Season) -> Iterator[str]:
 
 
 def _waiting_faults(scenario: Scenario) -> Iterator[str]:
-    """Find several waits at anchorages, and a wait where there is nothing to wait for."""
+    """Find more than one wait at anchorages, and a wait where nothing changes with time."""
     waiting = [f"via[{at}].wait" for at, via in enumerate(scenario.via) if wait_at(via)]
     if len(waiting) > 1:
         yield (
@@ -199,7 +199,7 @@ def _waiting_faults(scenario: Scenario) -> Iterator[str]:
 
 
 def _under_way_faults(scenario: Scenario) -> Iterator[str]:
-    """Find what a voyage under way lacks: the region and the season that is sailed."""
+    """Find what a voyage under way lacks: region, one season, and a departure after it left."""
     if scenario.under_way is None or scenario.plane is not None:
         return
     if scenario.region is None:
@@ -241,7 +241,7 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
 
 
 def _kept_members(scenario: Scenario) -> Iterator[str]:
-    """Find members that are the forecasts of a night, which other commands don't have."""
+    """Find members that are to be a night's forecasts, which only `renew nightly` keeps."""
     for at, season in enumerate(scenario.seasons):
         if season.members is not None and season.members.are_kept:
             yield (
@@ -251,7 +251,7 @@ def _kept_members(scenario: Scenario) -> Iterator[str]:
 
 
 def _unknown_sources(scenario: Scenario) -> Iterator[str]:
-    """Find names that are not in the catalogue, or that name other data than the key needs."""
+    """Find names of sources that are not in the catalogue, or that give the wrong kind of data."""
     charts = scenario.chart.source
     named = [
         (f"chart.source[{i}]" if len(charts) > 1 else "chart.source", chart.name, True)
@@ -312,7 +312,7 @@ def _outside_plane(plane: Plane, name: str, x: float, y: float) -> Iterator[str]
 
 
 def _outside_region(region: Region, name: str, lon: float, lat: float) -> Iterator[str]:
-    """Say how far a stop lies outside the region; its coordinates may be swapped."""
+    """Say how far a stop lies outside the region, or that its coordinates are swapped."""
     import shapely
 
     here = shapely.Point(lon, lat)

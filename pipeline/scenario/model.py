@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
 
-# Longest wait at an anchorage: beyond it a plan would be for another week's weather.
+# Longest wait at an anchorage: after it, currents and tide are better planned anew.
 _LONGEST_WAIT = timedelta(days=3)
 
 

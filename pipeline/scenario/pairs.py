@@ -1,7 +1,7 @@
 """The table of pairs of features that a scenario can't have together, each with its reason.
 
 Every other pair is planned. The scenario's checks and the reference are made from this table, and a
-property test draws random scenarios against it. What one feature needs (a departure, a draught) is
+property test compares random scenarios with it. What one feature needs (a departure, a draught) is
 no pair: `loading` checks it.
 """
 
@@ -29,17 +29,17 @@ OF_THE_SCENARIO: dict[str, Callable[[Scenario], bool]] = {
 """Features of a whole scenario, as a message names them."""
 
 OF_A_SEASON: dict[str, Callable[[Season], bool]] = {
-    "sources in 'currents'": lambda season: bool(season.currents),
-    "a current as numbers": lambda season: not season.currents,
-    "time_method = 'changing'": lambda season: season.is_changing,
-    "'departures'": lambda season: season.departures is not None,
-    "'to_within'": lambda season: season.to_within is not None,
-    "'arrive_by'": lambda season: season.arrive_by is not None,
-    "'speed'": lambda season: season.speed is not None,
-    "'speed' in a current that changes": lambda season: (
-        season.speed is not None and season.is_changing
+    "sources in 'currents'": lambda asked: bool(asked.currents),
+    "a current as numbers": lambda asked: not asked.currents,
+    "time_method = 'changing'": lambda asked: asked.is_changing,
+    "'departures'": lambda asked: asked.departures is not None,
+    "'to_within'": lambda asked: asked.to_within is not None,
+    "'arrive_by'": lambda asked: asked.arrive_by is not None,
+    "'speed'": lambda asked: asked.speed is not None,
+    "'speed' in a current that changes": lambda asked: (
+        asked.speed is not None and asked.is_changing
     ),
-    "'members'": lambda season: season.members is not None,
+    "'members'": lambda asked: asked.members is not None,
 }
 """Features of one season, as a message names them."""
 

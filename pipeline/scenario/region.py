@@ -1,4 +1,4 @@
-"""Where a scenario takes place: its region or plane, the chart of its land, and areas to avoid."""
+"""The area of a scenario: its region or plane, the chart of its land, and areas to avoid."""
 
 from typing import TYPE_CHECKING, Annotated, Any, Self
 

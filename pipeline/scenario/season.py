@@ -242,7 +242,7 @@ STILL = "still"
 """The source of the catalogue that has no current at all, at any time."""
 
 
-# Speed that no current on earth reaches, m/s: a larger figure has a slip of the pen in it.
+# Speed that no current on earth reaches, m/s: a larger figure is a typing error.
 MAX_CURRENT_M_S = 100.0
 # Longest voyage in changing currents, hours: a year.
 MAX_HOURS = 8784.0
@@ -401,7 +401,7 @@ class Season(StrictModel):
         return self
 
     def _current_faults(self) -> Iterator[str]:
-        """Find what the current needs to be read: a departure if it changes, else a period."""
+        """Find that the current lacks a departure if it changes, or else a period."""
         if self.is_changing:
             if self.first_departure is None:
                 yield "lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z"
@@ -416,7 +416,7 @@ class Season(StrictModel):
             yield "lacks 'valid'; add the month as 'YYYY-MM'"
 
     def member_faults(self) -> Iterator[str]:
-        """Find members of currents that are no files."""
+        """Find members in currents that are not given as files."""
         if self.members is None or self.members.spread is not None:
             return
         along = self.members.along

@@ -1,17 +1,13 @@
-"""Types of the catalogue's entries: strict tables, and numbers with limits; their error messages.
+"""Strict models of tables in TOML, types of their values, and the messages about their faults.
 
 The last sentence of a key's description is the remedy: an error message about the key ends in it.
 Each of pydantic's errors becomes a line that states the value, the limit and the remedy.
 """
 
-import ast
 import difflib
-import inspect
 import itertools
 import json
-import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import (
@@ -37,30 +33,26 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 class RemediedError(ValueError):
-    """Refuses a value for faults that have their own remedies, in place of the key's."""
+    """A refusal that has its own remedy: the one in the key's description is not added."""
 
 
-@cache
 def descriptions(model: type[BaseModel]) -> dict[str, str]:
-    """Return the docstrings of a model's keys; its source is read when they are first needed."""
-    found: dict[str, str] = {}
-    for owner in model.__mro__[model.__mro__.index(BaseModel) - 1 :: -1]:
-        (table,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-        for key, text in itertools.pairwise(getattr(table, "body", ())):
-            match key, text:
-                case ast.AnnAssign(ast.Name(name)), ast.Expr(ast.Constant(str(said))):
-                    found[model.model_fields[name].alias or name] = " ".join(said.split())
-    return found
+    """Return the docstrings of a model's keys, each on one line."""
+    return {
+        field.alias or name: " ".join(field.description.split())
+        for name, field in model.model_fields.items()
+        if field.description
+    }
 
 
 def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
-    """Add the keys' descriptions to a model's schema."""
+    """Put each description in a model's schema on one line."""
     for key, text in descriptions(model).items():
         schema["properties"][key]["description"] = text
 
 
 class DiskPath(str):
-    """A path as it is on the disk: two blanks, or an accent of its own, are part of its name."""
+    """A path, which is not cleaned: two blanks, or an accent as a character, belong to a name."""
 
     __slots__ = ()
 
@@ -81,13 +73,17 @@ class StrictModel(BaseModel):
     """
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, json_schema_extra=_describe
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+        json_schema_extra=_describe,
     )
     _clean_texts = field_validator("*")(cleaned)
 
 
 def unit(name: str) -> "JsonDict":
-    """Return what the schema says of a number's unit, where the key's name does not."""
+    """Return the addition to the schema that gives a number's unit, if the key's name does not."""
     return {"unit": name}
 
 
@@ -200,7 +196,7 @@ def shown(value: object) -> str:
 def validated(
     model: type[ModelT], data: object, located: Callable[[Fault], str] = str, **context: object
 ) -> ModelT:
-    """Return a table as a model; RequestError with a line for each fault, made by `located`."""
+    """Return a table as a model; RequestError with a line for each fault, which `located` makes."""
     try:
         return model.model_validate(data, context=context)
     except ValidationError as error:
@@ -210,12 +206,12 @@ def validated(
 def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[Fault]:
     """Return one line per fault, in the order found; of the faults of a union, only the first."""
     lines: dict[str, Fault] = {}
-    found = error.errors(include_url=False)
-    for details in found:
+    errors = error.errors(include_url=False)
+    for details in errors:
         # pydantic counts only valid items: a list that has invalid ones need not be too short.
         depth = len(details["loc"])
         if details["type"] == "too_short" and any(
-            len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in found
+            len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in errors
         ):
             continue
         path = _path_in(data, details)
@@ -317,5 +313,5 @@ def model_in(annotation: object) -> type[BaseModel] | None:
     """Return the model inside an annotation such as `tuple[Season, ...]` or `Region | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (model_in(part) for part in get_args(annotation))
-    return next((model for model in found if model is not None), None)
+    inner = (model_in(part) for part in get_args(annotation))
+    return next((model for model in inner if model is not None), None)

@@ -14,24 +14,22 @@ import uvicorn
 from fastapi import FastAPI, Path as InPath, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import PipelineError, RequestError, StageError
-from pipeline.formats.palette import style_colours
-from pipeline.formats.report import assets
+from pipeline.findings.text import environment
+from pipeline.formats import appearance
 from pipeline.scenario import catalogue
 from pipeline.serve.guard import FILES, Guard, Keys, refused
 from pipeline.serve.plans import (
     ASKED,
     MAX_FILE_BYTES,
     AskedPlan,
-    FullQueueError,
     GivenFiles,
+    NotTakenError,
     PlanRequest,
     Plans,
-    TooLargeError,
     too_large,
 )
 from pipeline.voyage.readers import read_position
@@ -58,7 +56,7 @@ _DEFINED = re.compile(r"^(?:async )?(?:function|class|const) (\w+)", re.MULTILIN
 
 REPORT_POLICY = (
     f"sandbox allow-scripts allow-popups; default-src 'none'; "
-    f"script-src '{assets.content_hash(assets.script())}'; style-src 'unsafe-inline'; "
+    f"script-src '{appearance.content_hash(appearance.script())}'; style-src 'unsafe-inline'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """The policy of a report: it may run its own script alone, in an origin of its own."""
@@ -177,13 +175,14 @@ def _add_errors(app: FastAPI) -> None:
     async def invalid(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)  # noqa: S101 - it is called with no other
         faults = [
-            f"{'.'.join(map(str, one['loc'][1:])) or 'the body'}: {one['msg']}"
-            for one in error.errors()[:10]
+            f"{'.'.join(map(str, fault['loc'][1:])) or 'the body'}: {fault['msg']}"
+            for fault in error.errors()[:10]
         ]
         return JSONResponse({"faults": faults}, status_code=422)
 
     async def failed(_: Request, error: Exception) -> Response:
-        status = next(status for kind, status in _STATUS.items() if isinstance(error, kind))
+        by_kind = (status for kind, status in _STATUS.items() if isinstance(error, kind))
+        status = getattr(error, "status", next(by_kind))
         return JSONResponse({"faults": str(error).splitlines()}, status_code=status)
 
     async def unknown(_: Request, error: Exception) -> Response:
@@ -201,9 +200,7 @@ _ANY = "application/octet-stream"
 _POLICY = "content-security-policy"
 # The status of each error's answer, the particular ones first.
 _STATUS: dict[type[PipelineError], int] = {
-    TooLargeError: 413,
     RequestError: 422,
-    FullQueueError: 429,
     StageError: 507,
     PipelineError: 500,
 }
@@ -222,19 +219,12 @@ def _add_pages(app: FastAPI) -> None:
 
 def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
     """Return the content of each path of the page, and of that of an interface in OpenAPI."""
-    packages = ("pipeline.serve", "pipeline.formats.report")
-    templates = Environment(
-        loader=ChoiceLoader([PackageLoader(one) for one in packages]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    templates = environment("pipeline.serve", "pipeline.formats.report")
     style = "\n".join(
         (
-            assets.leaflet_style(),
+            appearance.leaflet_style(),
             *(
-                templates.get_template(name).render(style_colours())
+                templates.get_template(name).render(appearance.style_colours())
                 for name in ("report.css", "explorer.css")
             ),
             (_HERE / "templates" / "plan.css").read_text("utf-8"),
@@ -244,14 +234,14 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         f"/static/{path.name}": path.read_text("utf-8")
         for path in sorted((_HERE / "scripts").glob("*.js"))
     }
-    text = assets.own_script("text")
+    text = appearance.own_script("text")
     files = {
         "/": templates.get_template("plan.html.jinja").render(
             options={option.field: option for option in ASKED}
         ),
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
-        "/static/leaflet.js": assets.leaflet(),
+        "/static/leaflet.js": appearance.leaflet(),
         # Made a module: its definitions are exported.
         "/static/text.js": f"{text}\nexport {{ {', '.join(_DEFINED.findall(text))} }};\n",
         **own,
@@ -268,10 +258,10 @@ def _add_names(app: FastAPI) -> None:
         return {
             "vessels": {name: catalogue.vessel(name).label for name in catalogue.names("vessels")},
             "currents": {
-                name: found.title
+                name: entry.title
                 for name in catalogue.names("sources")
                 if not isinstance(
-                    found := catalogue.source(name),
+                    entry := catalogue.source(name),
                     catalogue.ChartEntry,
                 )
             },
@@ -282,10 +272,10 @@ def _add_names(app: FastAPI) -> None:
     def position(text: Annotated[str, Query(max_length=200)]) -> dict[str, Any]:
         """Where a position is that was typed as for `renew go`, degrees."""
         try:
-            found = read_position(text)
+            place = read_position(text)
         except ValueError as error:
             raise RequestError(str(error)) from None
-        return {"lon": found.lon, "lat": found.lat, "note": found.note}
+        return {"lon": place.lon, "lat": place.lat, "note": place.note}
 
     @app.get("/api/land/{zoom}/{column}/{row}")
     def land(zoom: int, column: int, row: int) -> Response:
@@ -319,7 +309,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
     @app.get("/api/plan")
     async def every() -> list[dict[str, Any]]:
         """All plans, the latest first, without their routes."""
-        return [_brief(one) for one in plans.all()]
+        return [_brief(plan) for plan in plans.all()]
 
     @app.get("/api/plan/{identity}", response_model=None)
     async def state(identity: _Identity) -> dict[str, Any] | Response:
@@ -376,20 +366,20 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
     @app.get("/api/plan/{identity}/files/{name}", response_model=None)
     async def one_file(identity: _Identity, name: str) -> Response:
         """Download one file of a plan."""
-        found = _files(plans, identity, name)
-        return (
-            refused(*_GONE) if not found else FileResponse(found[0], filename=name, media_type=_ANY)
-        )
+        files = _files(plans, identity, name)
+        if not files:
+            return refused(*_GONE)
+        return FileResponse(files[0], filename=name, media_type=_ANY)
 
     @app.get("/api/plan/{identity}/files.zip", response_model=None)
     def all_files(identity: _Identity) -> Response:
         """Download all files of a plan."""
         plan = plans.get(identity)
-        if plan is None or not (found := _files(plans, identity)):
+        if plan is None or not (files := _files(plans, identity)):
             return refused(*_GONE)
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            for file in found:
+            for file in files:
                 archive.write(file, f"{plan.name}/{file.name}")
         kept = f'attachment; filename="{plan.name}.zip"'
         return Response(
@@ -401,8 +391,8 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
     @app.get("/plan/{identity}/report.html", include_in_schema=False, response_model=None)
     async def report(identity: _Identity) -> Response:
         """Show a plan's report; its scripts can ask nothing of this server."""
-        found, headers = _files(plans, identity, "report.html"), {_POLICY: REPORT_POLICY}
-        return FileResponse(found[0], headers=headers) if found else refused(*_GONE)
+        files, headers = _files(plans, identity, "report.html"), {_POLICY: REPORT_POLICY}
+        return FileResponse(files[0], headers=headers) if files else refused(*_GONE)
 
 
 def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
@@ -410,7 +400,7 @@ def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
     plan = plans.get(identity)
     if plan is None or plan.directory is None:
         return []
-    files = [plan.directory / one for one in plan.files if one == (name or one)]
+    files = [plan.directory / file for file in plan.files if file == (name or file)]
     return files if all(file.is_file() for file in files) else []
 
 
@@ -421,6 +411,6 @@ def _add_given(app: FastAPI, files: GivenFiles) -> None:
     async def receive(request: Request, name: Annotated[str, Query(max_length=200)]) -> Any:  # noqa: ANN401 - JSON
         """Send a file as the body; the answer has the `id` by which a plan names it."""
         if int(request.headers.get("content-length", "0")) > MAX_FILE_BYTES:
-            raise TooLargeError(too_large(name))
+            raise NotTakenError(too_large(name), 413)
         path = await files.receive(name, request.stream())
         return {"id": path.parent.name, "name": path.name, "size": path.stat().st_size}

@@ -114,7 +114,7 @@ class Guard:
         if len(hosts) != 1 or hosts[0] not in self._keys.hosts:
             return refused(421, "this server answers to 127.0.0.1 and localhost only")
         origins, site = headers.getlist("origin"), headers.get("sec-fetch-site", "none")
-        if any(one != f"http://{hosts[0]}" for one in origins):
+        if any(origin != f"http://{hosts[0]}" for origin in origins):
             return refused(403, "requests from other pages are refused")
         if site not in {"same-origin", "none"}:
             return refused(

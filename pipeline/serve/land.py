@@ -1,7 +1,7 @@
 """The world's land in tiles for the page's map: from the file of the whole world, simplified.
 
-Tiles are those of web maps: at zoom z the world is 2^z tiles wide, in Mercator's projection. A far
-view would read the outlines of continents with millions of vertices, so up to _COARSE_ZOOM land
+Tiles are those of web maps: at zoom z the world is 2^z tiles wide, in Mercator's projection. Small
+zooms would need the outlines of continents with millions of vertices, so up to _COARSE_ZOOM land
 comes from a coarse copy, which is made once and kept in the user's cache.
 """
 
@@ -58,7 +58,7 @@ def tile(zoom: int, column: int, row: int) -> tuple[tuple[int, ...], ...]:
         drawn = shapely.simplify(shapely.transform(land, to_tile), _STEPS / 2)
         rings = shapely.get_rings(shapely.get_parts(drawn))
         points = (np.rint(shapely.get_coordinates(ring)[:-1]).astype(int) for ring in rings)
-        return tuple(tuple(one.ravel().tolist()) for one in points if len(one) > 2)
+        return tuple(tuple(ring.ravel().tolist()) for ring in points if len(ring) > 2)
 
 
 def _near(box: shapely.Polygon, zoom: int, least_deg: float) -> osm.NearPolygons:
@@ -67,9 +67,9 @@ def _near(box: shapely.Polygon, zoom: int, least_deg: float) -> osm.NearPolygons
         return osm.polygons_near("Osm", box, least_deg)[0]
     path = osm.cache_file("Osm")
     coarse = None if path is None else path.with_name(f"coarse-{path.name}")
-    found = None if coarse is None else osm.read_cached(coarse, box, least_deg)
-    if found is not None:
-        return found
+    near = None if coarse is None else osm.read_cached(coarse, box, least_deg)
+    if near is not None:
+        return near
     wkb = _coarse()
     if coarse is not None:
         with contextlib.suppress(OSError):  # a cache that can't be written: it is made each time
@@ -87,7 +87,7 @@ def _coarse() -> bytes:
         shapely.make_valid(shapely.simplify(near, _COARSE_DEG, preserve_topology=False))
     )
     kept = parts[shapely.area(parts) > 0]
-    bodies = [shapely.to_wkb(one, byte_order=1) for one in kept]
+    bodies = [shapely.to_wkb(body, byte_order=1) for body in kept]
     return b"\x01" + struct.pack("<II", 6, len(bodies)) + b"".join(bodies)
 
 

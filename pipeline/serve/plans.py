@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from pipeline.errors import Faults, PipelineError, RequestError, StageError
+from pipeline.errors import Faults, PipelineError, RequestError
 from pipeline.machine.files import write_whole, writing
 from pipeline.scenario import catalogue
 from pipeline.serve.worker import ServingWorker
@@ -47,8 +47,12 @@ _Source = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
 _Corner = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-90, le=90)]]
 
 
-class TooLargeError(RequestError):
-    """A file is too large."""
+class NotTakenError(PipelineError):
+    """A request that the server does not take, with the status of the answer."""
+
+    def __init__(self, text: str, status: int) -> None:
+        super().__init__(text)
+        self.status = status
 
 
 class GivenFiles:
@@ -91,7 +95,7 @@ class GivenFiles:
         Raises
         ------
         RequestError
-            The name has parts of a path, or the file is empty; TooLargeError if it, or all files
+            The name has parts of a path, or the file is empty; NotTakenError if it, or all files
             together, are too large. Nothing is left of it.
         StageError
             The disk refuses.
@@ -120,11 +124,12 @@ class GivenFiles:
             async for chunk in chunks:
                 size += len(chunk)
                 if size > MAX_FILE_BYTES:
-                    raise TooLargeError(too_large(name))
+                    raise NotTakenError(too_large(name), 413)
                 if self._bytes + size > _MAX_ALL_BYTES:
-                    raise TooLargeError(
+                    raise NotTakenError(
                         f"{name}: no room is left; this server takes {_MAX_ALL_BYTES:,} bytes in "
-                        "all; start it again"
+                        "all; start it again",
+                        413,
                     )
                 digest.update(chunk)
                 file.write(chunk)
@@ -275,10 +280,6 @@ _LIVE = {"waiting", "running"}
 _PREPARING = "preparing"
 
 
-class FullQueueError(StageError):
-    """Too many plans wait to take another one."""
-
-
 @dataclass
 class AskedPlan:
     """A plan: its request, and how far it has come.
@@ -386,7 +387,7 @@ class Plans:
 
         Raises
         ------
-        FullQueueError
+        NotTakenError
             Too many plans wait.
         """
         same = json.dumps(options, sort_keys=True)
@@ -396,27 +397,27 @@ class Plans:
                 and json.dumps(known.options, sort_keys=True) == same
             ):
                 return known
-        if sum(one.state == "waiting" for one in self._plans.values()) >= _MAX_WAITING:
-            raise FullQueueError(
-                f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one"
+        if sum(plan.state == "waiting" for plan in self._plans.values()) >= _MAX_WAITING:
+            raise NotTakenError(
+                f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one", 429
             )
         plan = AskedPlan(request, options)
         ends = ("start", "goal")
-        if self._ahead is not None and any(self._ahead[one] != options[one] for one in ends):
+        if self._ahead is not None and any(self._ahead[end] != options[end] for end in ends):
             self._ahead = None  # the voyage that is prepared is not the one that is planned
             if (task := self._work.pop(_PREPARING, None)) is not None:
                 task.cancel()
         self._plans[plan.id] = plan
         self._waiting.put_nowait(plan)
         # The oldest plans that ended are forgotten; their results stay on the disk.
-        ended = [one.id for one in self._plans.values() if one.state not in _LIVE]
+        ended = [known.id for known in self._plans.values() if known.state not in _LIVE]
         for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
             del self._plans[identity]
         return plan
 
     def prepare(self, options: Mapping[str, Any]) -> None:
         """Make a voyage's land and currents ready, unless a worker has something else to do."""
-        if self._ahead is None and not any(one.state in _LIVE for one in self._plans.values()):
+        if self._ahead is None and not any(plan.state in _LIVE for plan in self._plans.values()):
             self._ahead = options
             self._waiting.put_nowait(None)
 
@@ -457,7 +458,7 @@ class Plans:
             work = self._work[name] = asyncio.create_task(job)
             await asyncio.wait([work])
             self._work.pop(name, None)
-            if worker.memory_bytes > _MAX_IDLE_BYTES:
+            if worker.resident_bytes > _MAX_IDLE_BYTES:
                 worker.kill()
             if not worker.is_running:
                 worker, spare = spare, worker

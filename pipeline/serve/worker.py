@@ -18,10 +18,11 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.errors import PipelineError, StageError, one_line
+from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts
-from pipeline.findings.result import RankedRoute, RunCase, RunResult, addressed
+from pipeline.findings.result import RunCase, RunResult, addressed
 from pipeline.findings.text import capitalised, json_value
-from pipeline.formats.report.season import case_facts
+from pipeline.formats.report.page import case_facts
 from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.machine.workers import Worker, WorkerEndedError, is_call_waiting, tell
@@ -53,23 +54,13 @@ _DETAIL = 1 / 4000
 _DECIMALS = 5
 
 
-class ServingWorker:
+class ServingWorker(Worker):
     """A process that plans, within some bytes of memory; seen from the server."""
 
     def __init__(self, memory_bytes: int) -> None:
-        self._worker = Worker(data_bytes=memory_bytes)
+        super().__init__(data_bytes=memory_bytes)
         self._plans = 0
         self._changing = asyncio.Lock()
-
-    @property
-    def is_running(self) -> bool:
-        """Whether the process lives."""
-        return self._worker.is_running
-
-    @property
-    def memory_bytes(self) -> int:
-        """Resident memory of the process; 0 where the system does not tell it."""
-        return self._worker.resident_bytes
 
     async def start(self) -> None:
         """Start the process unless it runs, and wait until it is ready."""
@@ -78,7 +69,7 @@ class ServingWorker:
                 self.kill()
             if not self.is_running:
                 self._plans = 0
-                self._worker.call(get_ready)
+                self.call(get_ready)
                 await self._event()
 
     async def plan(self, asked: Mapping[str, Any], limit_s: float) -> AsyncIterator[dict[str, Any]]:
@@ -95,7 +86,7 @@ class ServingWorker:
         self._plans += 1
         try:
             async with asyncio.timeout(limit_s):
-                self._worker.call(answer_request, asked)
+                self.call(answer_request, asked)
                 while True:
                     event = await self._event()
                     yield event
@@ -108,16 +99,12 @@ class ServingWorker:
                 "limit: renew serve --limit SECONDS"
             ) from None
 
-    def kill(self) -> None:
-        """End the process and all that it started, at once."""
-        self._worker.kill()
-
     async def _event(self) -> dict[str, Any]:
         """Wait for the next event of the process; its calls return nothing."""
         while True:
-            await _readable(self._worker.pipe.fileno())
+            await _readable(self.pipe.fileno())
             try:
-                kind, value = self._worker.answer()
+                kind, value = self.answer()
             except WorkerEndedError as ended:
                 words = str(ended).removeprefix("its process ").removesuffix(" (out of memory?)")
                 raise StageError(
@@ -189,7 +176,7 @@ def _plan(asked: Mapping[str, Any]) -> None:
     except Exception as error:  # noqa: BLE001 - the server tells it, and takes the next request
         _tell({"event": "failed", "faults": [without_secrets(one_line(error))]})
     else:
-        files = sorted(one.name for one in outcome.directory.iterdir() if one.is_file())
+        files = sorted(file.name for file in outcome.directory.iterdir() if file.is_file())
         directory, failures = str(outcome.directory), outcome.failures
         _tell({"event": "done", "directory": directory, "files": files, "failures": failures})
 
@@ -245,71 +232,53 @@ def drawn(path: FloatArray) -> list[list[float]]:
 
 
 def sides(result: RunResult) -> dict[str, Any]:
-    """Return each case's routes with their figures and sentences, ready for JSON.
+    """Return each case's routes with their figures and sentences.
 
     Lengths and distances are in true metres, durations in seconds. The first route by each passage
     of the main island is marked as a side's best one. `gap` is a share, None where none is proven.
     `warnings` tell which currents stand in for others.
     """
     stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
-    return dict(
-        json_value(
+    return {
+        "name": result.scenario.name,
+        "title": result.scenario.title,
+        "no_go": result.fetched.land.no_go_name,
+        "seasons": [
             {
-                "name": result.scenario.name,
-                "title": result.scenario.title,
-                "no_go": result.fetched.land.no_go_name,
-                "seasons": [
-                    {
-                        "name": case.name,
-                        "title": case.title,
-                        "failure": case.result.failure,
-                        "routes": list(_routes(case)),
-                    }
-                    for case in result.cases
-                ],
-                "warnings": [capitalised(one) for one in note_texts(stand_ins)],
-                **caveats_json(result),
-                "notes": [capitalised(one) for one in note_texts(result.fetched.notes)],
+                "name": case.name,
+                "title": case.title,
+                "failure": case.result.failure,
+                "routes": list(_routes(case)),
             }
-        )
-    )
+            for case in result.cases
+        ],
+        "warnings": [capitalised(text) for text in note_texts(stand_ins)],
+        **caveats_json(result),
+        "notes": [capitalised(text) for text in note_texts(result.fetched.notes)],
+    }
 
 
 def _routes(case: RunCase) -> Iterator[dict[str, Any]]:
-    """Yield the routes of a case, best first."""
+    """Yield the routes of a case with their figures, sentences and lines, best first."""
     facts = case_facts(case)
+    if facts is None:  # it has no route
+        return
     passed: set[str] = set()
-    for one in case.routes:
-        row = one.metrics
-        because = "" if facts is None else facts.because() if one.rank == 1 else ""
-        if facts is not None and one.rank > 1:
-            because = facts.why_dearer(row)
+    for ranked in case.routes:
+        row, is_best = ranked.metrics, ranked.rank == 1
+        passage = case.scenario.passage(case.name, round(row.duration_s))
         yield {
-            **_figures(one),
+            **figures(row, "json"),
             "excess": row.fuel / case.routes[0].metrics.fuel - 1,
-            "because": because,
-            "certainty": facts.certainty() if facts is not None and one.rank == 1 else "",
+            "because": facts.because() if is_best else facts.why_dearer(row),
+            "certainty": facts.certainty() if is_best else "",
+            "side": row.main_passage,
             "is_side": row.main_passage not in passed,
+            "gap": case.proven_gap(row),
+            "trials": row.trials,
+            "collisions": row.collisions,
+            "departure": passage and passage[0],
+            "arrival": passage and passage[1],
+            "line": drawn(case.run.water.projection.to_lonlat(np.asarray(ranked.route.path))),
         }
         passed.add(row.main_passage)
-
-
-def _figures(ranked: RankedRoute) -> dict[str, Any]:
-    """Return a route's figures and its line."""
-    row, case = ranked.metrics, ranked.case
-    passage = case.scenario.passage(case.name, round(row.duration_s))
-    return {
-        "rank": row.rank,
-        "way": row.way,
-        "side": row.main_passage,
-        "fuel": row.fuel,
-        "length_m": row.length_m,
-        "duration_s": row.duration_s,
-        "clearance_m": row.clearance_m,
-        "gap": case.proven_gap(row),
-        "trials": row.trials,
-        "collisions": row.collisions,
-        "departure": passage[0].isoformat() if passage else None,
-        "arrival": passage[1].isoformat() if passage else None,
-        "line": drawn(case.run.water.projection.to_lonlat(np.asarray(ranked.route.path))),
-    }

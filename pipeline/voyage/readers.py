@@ -1,8 +1,8 @@
 """Read what is typed for an option: positions, speeds, lengths, times, months, files, vessels.
 
-Each reader takes a text, or a value that is typed already, and raises ValueError with the text, the
-reason and the remedy. Positions are read as people write them: in decimals or minutes, with N, S, E
-or W before or after.
+Each reader takes a text, or a value that is typed already, and raises ValueError or RequestError
+with the text, the reason and the remedy. Positions are read as people write them: in decimals or
+minutes, with N, S, E or W before or after.
 """
 
 import re
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, expanded, resolved, shown, unreadable_reason
-from pipeline.voyage.table import refusing
 
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import VesselSpec
@@ -129,22 +128,22 @@ def read_position(given: str | tuple[float, float]) -> Position:
 
 def _ordered(first: _Coordinate, second: _Coordinate, text: str) -> Position:
     """Return the position, after deciding by hemisphere or size which coordinate is longitude."""
-    (one, letter), (other, other_letter) = first, second
+    (x, letter), (y, other_letter) = first, second
     axes = _AXIS.get(letter), _AXIS.get(other_letter)
     if any(axes) and set(axes) != {"lon", "lat"}:
         raise ValueError("needs one of N and S, and one of E and W, or none of them")
     is_swapped = axes[0] == "lat"
     note = ""
-    either_order = not any(axes) and max(abs(one), abs(other)) <= 90
-    if not any(axes) and abs(other) > 90 >= abs(one):
+    either_order = not any(axes) and max(abs(x), abs(y)) <= 90
+    if not any(axes) and abs(y) > 90 >= abs(x):
         is_swapped = True
-        note = f"{text!r} was read as latitude, longitude: {other:g} can only be a longitude"
+        note = f"{text!r} was read as latitude, longitude: {y:g} can only be a longitude"
     elif either_order:
         note = (
-            f"{text!r} was read as longitude {one:g}, latitude {other:g}; "
+            f"{text!r} was read as longitude {x:g}, latitude {y:g}; "
             "the other way round it would be water, too: write N or S and E or W to make it clear"
         )
-    lon, lat = (other, one) if is_swapped else (one, other)
+    lon, lat = (y, x) if is_swapped else (x, y)
     if not abs(lat) <= 90:
         raise ValueError(f"has the latitude {lat:g}; give one from -90 to 90 degrees")
     if not -180 <= lon <= 360:
@@ -347,7 +346,7 @@ def readable(remedy: str) -> Callable[[str | Path], Path]:
     """Return a reader of paths; `remedy` says what to give in place of a file that is missing."""
 
     def read(path: str | Path) -> Path:
-        file = refusing(lambda: resolved(path, ""))
+        file = resolved(path, "")
         if reason := unreadable_reason(file):
             hint = f"; {remedy}" if reason == NOT_THERE else ""
             raise ValueError(f"= '{shown(file)}' {reason}{hint}")
@@ -360,8 +359,8 @@ def read_currents(given: Sequence[str | Path]) -> tuple[str, ...]:
     """Read sources of the catalogue and paths of files; patterns are looked up later."""
     from pipeline.scenario.loading import require_currents
 
-    currents = tuple(str(one) for one in given)
-    refusing(lambda: require_currents(currents, ""))
+    currents = tuple(map(str, given))
+    require_currents(currents, "")
     return currents
 
 
@@ -372,7 +371,7 @@ def read_station(given: str | Path) -> str:
     text = str(given)
     if text in catalogue.stations():
         return text
-    return str(refusing(lambda: resolved(Path(text), "")))
+    return str(resolved(Path(text), ""))
 
 
 def read_members(text: str) -> dict[str, Any]:
@@ -413,10 +412,10 @@ def read_vessel(given: "str | VesselSpec") -> "VesselSpec":
     if not isinstance(given, str):
         return given
     if looks_like_path(given):
-        file = refusing(lambda: expanded(given, ""))
+        file = expanded(given, "")
         if reason := unreadable_reason(file):
             raise ValueError(f"{given} {reason}; `renew show usv-7m` prints one")
-        return refusing(lambda: catalogue.vessel_in(file, given))
+        return catalogue.vessel_in(file, given)
     known = catalogue.names("vessels")
     if given not in known:
         hint = "write a file as a path: './my-vessel.toml'"

@@ -27,7 +27,7 @@ from pipeline.voyage.readers import (
     speed_or_range,
     zoned_time,
 )
-from pipeline.voyage.table import Asker, Option, each, read, read_folder, spelling
+from pipeline.voyage.table import Asker, Option, each, read, read_folder
 
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import VesselSpec
@@ -335,7 +335,7 @@ def read_voyage(given: Mapping[str, Any], asker: Asker, known: Sequence[str] = (
     RequestError
         The message has a line for each fault, after those `known` before.
     """
-    return read(VoyageRequest, given, spelling(VoyageRequest, asker), faults_of_pairs, known)
+    return read(VoyageRequest, given, asker, faults_of_pairs, known)
 
 
 def faults_of_pairs(

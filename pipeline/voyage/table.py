@@ -36,8 +36,8 @@ class Option:
         Its name in a form, by default made of `name`; and an example, or what is chosen if nothing
         is.
     read
-        Makes the typed value from a text; a value that is typed already stays. Raises ValueError:
-        each of its arguments is a fault, to which the option's name is added.
+        Makes the typed value from a text; a value that is typed already stays. It raises
+        RequestError, or ValueError with a fault as each argument; the option's name is added.
     kind
         What is given: a "source" is a name of the catalogue or a file, a "place" a position.
     field, default, is_required
@@ -48,7 +48,7 @@ class Option:
     metavar
         What stands for its value in the help of the command line.
     most
-        Largest number of values; 0 for an option with option.
+        Largest number of values; 0 for an option that takes a single value.
     section
         Section of the catalogue with the names to choose from.
     layer
@@ -126,7 +126,7 @@ def help_text(option: Option, at: SimpleNamespace) -> str:
 def read(
     table: type[_Table],
     given: Mapping[str, Any],
-    at: SimpleNamespace,
+    asker: Asker,
     rules: Callable[
         [SimpleNamespace, SimpleNamespace, SimpleNamespace], Iterable[str]
     ] = lambda *_: (),
@@ -142,8 +142,9 @@ def read(
     Raises
     ------
     RequestError
-        The message has a line for each fault, with its option in the spelling `at`.
+        The message has a line for each fault, with its option as the asker writes it.
     """
+    at = spelling(table, asker)
     asked: dict[str, Any] = {}
     values: dict[str, Any] = {}
     faults = [*known]
@@ -154,9 +155,9 @@ def read(
         asked[option.field] = value
         try:
             values[option.field] = option.read(value)
-        except ValueError as error:
+        except (ValueError, RequestError) as error:
             place = getattr(at, option.field)
-            lines = (str(line).lstrip() for line in error.args)
+            lines = (line.lstrip() for line in _faults_of(error))
             faults += [f"{place}{'' if line.startswith(':') else ' '}{line}" for line in lines]
     blank = {option.field: None for option in options(table)}
     faults += rules(SimpleNamespace(**blank | values), SimpleNamespace(**blank | asked), at)
@@ -174,8 +175,8 @@ def each(reader: Callable[[Any], _Value]) -> Callable[[Any], tuple[_Value, ...]]
         for text in texts:
             try:
                 values.append(reader(text))
-            except ValueError as error:
-                faults += error.args
+            except (ValueError, RequestError) as error:
+                faults += _faults_of(error)
         if faults:
             raise ValueError(*faults)
         return tuple(values)
@@ -183,32 +184,11 @@ def each(reader: Callable[[Any], _Value]) -> Callable[[Any], tuple[_Value, ...]]
     return read_all
 
 
-def refusing(reader: Callable[[], _Value]) -> _Value:
-    """Read a value; raise ValueError with the faults of a RequestError."""
-    try:
-        return reader()
-    except RequestError as error:
-        raise ValueError(*error.faults) from None
+def _faults_of(error: ValueError | RequestError) -> tuple[str, ...]:
+    """Return the faults that a reader found."""
+    return error.faults if isinstance(error, RequestError) else tuple(map(str, error.args))
 
 
 def read_folder(path: str | Path) -> Path:
     """Read a folder to write to."""
-    return refusing(lambda: folder_to_write(Path(path), ""))
-
-
-def described(table: type[Any]) -> list[dict[str, Any]]:
-    """Return a table's options as JSON, for QGIS, whose Python can't import this option."""
-    at = spelling(table, "page")
-    return [
-        {
-            "name": option.key,
-            "option": option.typed if option.group else "",
-            "kind": option.kind,
-            "label": option.title,
-            "help": help_text(option, at),
-            "several": bool(option.most),
-            "layer": option.layer,
-        }
-        for option in options(table)
-        if not option.is_of_run
-    ]
+    return folder_to_write(Path(path), "")

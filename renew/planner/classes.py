@@ -15,7 +15,7 @@ import numpy as np
 
 from renew.bounds.grids import whole_grid
 from renew.bounds.travel_time import locate, mean_times
-from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
+from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import Channel, Transition, widest_gap
 from renew.classes.h_signature import Word, shortened
 from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
@@ -162,7 +162,7 @@ class ClassSearch:
                     self.add(channel)
         if is_free and scout.has_many_triangles:
             self.find_beside_best(scout, beside)
-        elif is_free and isinstance(scout, ClassEnumerator) and self._may_be_far_off(scout):
+        elif is_free and not scout.parts and self._may_be_far_off(scout):
             for channel in scout.best_closely():
                 self._done.discard(channel.word)
                 self.add_variant(channel)
@@ -177,7 +177,7 @@ class ClassSearch:
 
     def plan_in_rounds(
         self,
-        enumerator: ClassEnumerator | ViaEnumerator,
+        enumerator: ClassEnumerator,
         classes: int,
         add: Callable[[Channel], frozenset[Transition]],
     ) -> bool:
@@ -205,7 +205,7 @@ class ClassSearch:
         """Plan a variant; its class keeps the best path of all its channels."""
         return self._add(channel, self._rays.of_word(channel.word))
 
-    def find_beside_best(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:
+    def find_beside_best(self, scout: ClassEnumerator, count: int) -> None:
         """Plan `count` variants around other islands, on finer roadmaps beside the best routes."""
         if self.best is None:
             return
@@ -328,8 +328,7 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
         # Neither padding nor risk makes the vessel arrive much earlier.
         remedy = Text("take currents that reach further, or depart earlier")
     else:
-        tried = Text.joined("; ", suggest_relaxations(planner, rejected))
-        remedy = Text("{0}; or allow a smaller padding or clearance, or more classes", (tried,))
+        remedy = Text.joined("; ", suggest_relaxations(planner, rejected))
     count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
     error = UnreachableError(
         f"{count} rejected: {{0}}{more}. To find a route: {{1}}",
@@ -349,10 +348,10 @@ def _class_name(one: Rejected | Route) -> Text:
 
 
 def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> list[Text]:
-    """Return tried remedies that leave a route; the widest way through comes first.
+    """Return the gap of the widest way through, and remedies with which a whole plan has a route.
 
-    The ways of rejected classes are planned again with other padding, the widest first: a search
-    for other classes would take a roadmap for each padding.
+    Values are tried on the ways of rejected classes, the widest first, as a whole plan takes a
+    roadmap for each padding. The value found is then planned, and left out if there is no route.
     """
     problem, options = planner.problem, planner.options
     ways = [way for one in rejected for way in one.ways]
@@ -367,26 +366,36 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
                 return relaxed.route(relaxed.find(way))
         return None
 
+    def planned_with(what: str, **changes: Any) -> list[Text]:  # noqa: ANN401 - as of PlanOptions
+        """Say that changed options leave a route, and which; say nothing if they leave none."""
+        search = ClassSearch(ClassPlanner(problem.with_options(replace(options, **changes))))
+        search.find_best(options.classes)
+        if search.best is None:
+            return []
+        return [Text(f"{what} would leave one, {{0}}", (_description(planner.route(search.best)),))]
+
     stops = [problem.triangulation.locate(stop) for stop in problem.voyage.stops]
     gap = min(widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
-    remedies = [Text("the widest way through has a gap of {0}", (Length(gap),))]
+    remedies = list[Text]()
     if not isinstance(options.padding, str) and options.padding > 0:
-        route = route_with(padding="adaptive")
-        if route is not None:
-            remedies.append(
-                Text('padding = "adaptive" would leave one, {0}', (_description(route),))
-            )
-    if options.is_adaptive and options.risk < _MAX_RISK:
-        remedies.append(Text(_least_risk(route_with, options.risk)))
+        remedies += planned_with('padding = "adaptive"', padding="adaptive")
+    if options.is_adaptive and (risk := _least_risk(route_with, options.risk)):
+        remedies += planned_with(f"a risk of {risk:g}", risk=risk)
     most = min(options.min_width or math.inf, max(map(_narrowest_gap, widest), default=0.0) / 2)
-    return remedies + _largest_padding(route_with, most)
+    if width := _largest_padding(route_with, most):
+        # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
+        safe = f"{width * (1 - 5e-4):.4g}"
+        fixed = {"padding": float(safe), "clearance": 0.0, "risk_at": "route"}
+        remedies += planned_with(f"padding = {safe} (planar m)", **fixed)
+    none = Text("none was found with more risk or less padding")
+    return [Text("the widest way through has a gap of {0}", (Length(gap),)), *(remedies or [none])]
 
 
-def _least_risk(route_with: Callable[..., Route | None], low: float) -> str:
-    """Return as text the least risk above `low`, to 1 %, with which there is a route."""
+def _least_risk(route_with: Callable[..., Route | None], low: float) -> float | None:
+    """Return the least risk above `low`, to 1 %, with which a way has a route; None if none has."""
     high = _MAX_RISK
-    if route_with(risk=high) is None:
-        return f"a risk of {_MAX_RISK:g} would leave none of the widest ways"
+    if low >= high or route_with(risk=high) is None:
+        return None
     while high - low > _RISK_STEP:
         middle = math.ceil((low + high) / 2 / _RISK_STEP) * _RISK_STEP
         if middle >= high:
@@ -395,14 +404,14 @@ def _least_risk(route_with: Callable[..., Route | None], low: float) -> str:
             low = middle
         else:
             high = middle
-    return f"a risk of {high:g} would leave one"
+    return high
 
 
-def _largest_padding(route_with: Callable[..., Route | None], most: float) -> list[Text]:
-    """Return as text the largest fixed padding up to `most` m, to 2 %, that leaves a route."""
+def _largest_padding(route_with: Callable[..., Route | None], most: float) -> float:
+    """Return the largest fixed padding up to `most` m, to 2 %, that leaves a route; 0 if none."""
     if not 0 < most < math.inf:
-        return []
-    low, high, best = 0.0, most, None
+        return 0.0
+    low, high = 0.0, most
     # Each try takes as long as a plan, and a little less than `most` is usually enough.
     tried = _NEARLY * most
     for _ in range(_TRIES):
@@ -410,15 +419,11 @@ def _largest_padding(route_with: Callable[..., Route | None], most: float) -> li
         if route is None:
             high = tried
         else:
-            low, best = tried, route
+            low = tried
         if high - low <= (1 - _NEARLY) * most:
             break
         tried = (low + high) / 2
-    if best is None:
-        return []
-    # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
-    safe = f"{low * (1 - 5e-4):.4g}"
-    return [Text(f"padding = {safe} (planar m) would leave one, {{0}}", (_description(best),))]
+    return low
 
 
 def _narrowest_gap(way: Channel) -> float:

@@ -160,7 +160,7 @@ def _changing() -> Iterator[Figure]:
             deadline,
             _CHANGING_SPEEDS,
             exponent,
-            scene.drift == "crab",
+            scene.drift,
         )
         least, path, speeds = least_fuel_in_table(costs, nodes, reach=26, buckets=120, tried=6)
         if math.isfinite(least):
@@ -215,9 +215,7 @@ def _turns_as_it_changes() -> Iterator[Figure]:
         plan = scene.plan(speed=(0.75, 1.5), arrive_by=one.times[-1])
         dearest = max(dearest, plan.best.fuel / one.fuel)
         for route in plan.routes:
-            flown = renew.contingency(
-                route, scene.chart, scene.current, PAPER_VESSEL, spacing=0.5, drift=scene.drift
-            )
+            flown = scene.turns(route, spacing=0.5)
             trials, collisions = trials + flown.trials, collisions + flown.collisions
     yield at_most(
         f"turns at chosen speeds as the current changes that touch land, of {trials:,}",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +12,7 @@ from experiments.environments import loading
 from experiments.environments.loading import load_spec, names
 from experiments.run import chosen_specs, run
 from pipeline.errors import RequestError
+from tests.commands import PYTHON, ended
 
 pytest.importorskip("ompl")
 
@@ -64,13 +63,7 @@ def test_without_ompl_one_line_says_what_to_do(root: Path, tmp_path: Path) -> No
         "runpy.run_module('experiments', run_name='__main__', alter_sys=True)"
     )
     arguments = ["--quick", "--output", str(tmp_path)]
-    done = subprocess.run(
-        [sys.executable, "-c", hide, *arguments],
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ended(*PYTHON, hide, *arguments, cwd=root)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: the package 'ompl' is not installed")

@@ -151,6 +151,7 @@ def sailed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     (folder / "scenario.toml").write_text(
         small_region("hostile")
         .replace("scale = 1000", "scale = 1")
+        .replace("[118.60, 10.30]", "[118.50, 10.20]")
         .replace(
             'vessel = "paper-asv"',
             f"title = {_toml(TRICKS[0])}\ndescription = {_toml(all_tricks)}\n",

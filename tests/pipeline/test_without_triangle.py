@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
+from tests.commands import PYTHON, ran
 
 
 def rows(output: Path, scenario: str) -> dict[tuple[str, str], dict[str, str]]:
@@ -30,16 +29,15 @@ def test_it_runs_and_finds_the_same_routes(scenario: str, root: Path, tmp_path: 
         "import importlib.util; assert importlib.util.find_spec('triangle') is None; "
         "from pipeline.cli.main import main; main()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, *command, str(without)],
-        env={**os.environ, "PYTHONPATH": str(root / "tests" / "no_triangle")},
+    ran(
+        *PYTHON,
+        program,
+        *command,
+        str(without),
         cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
+        env={**os.environ, "PYTHONPATH": str(root / "tests" / "no_triangle")},
         timeout=600,
     )
-    assert done.returncode == 0, done.stderr
     assert CliRunner().invoke(app, [*command, str(usual)]).exit_code == 0
     found, expected = rows(without, scenario), rows(usual, scenario)
     assert found.keys() == expected.keys()

@@ -7,7 +7,6 @@ import resource
 import shutil
 import sqlite3
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -21,6 +20,7 @@ from pipeline.findings.names import output_directory, safe_name
 from pipeline.findings.result import RunResult
 from pipeline.scenario.model import Scenario
 from pipeline.write import formats_of, write
+from tests.commands import PYTHON, ran
 from tests.pipeline.formats import small_run
 from tests.strategies import examples
 
@@ -274,11 +274,5 @@ def test_devices_of_windows_are_no_file_names(name: str) -> None:
 def test_nothing_is_imported_early() -> None:
     """A plan that fails must not have waited for what draws and writes it."""
     code = "import sys, pipeline.write; print(*sys.modules)"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
+    loaded = ran(*PYTHON, code, cwd=Path(__file__).parents[3]).split()
     assert not {"matplotlib", "pyogrio", "geopandas", "jinja2"} & set(loaded)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import pytest
 
 import renew
+from tests.commands import PYTHON, ended, ran
 
 PACKAGE = Path(renew.__file__).parent
 # It prints the result of a kernel that inlines another one, how many kernels were compiled and not
@@ -96,8 +97,8 @@ def _made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Machine code of the two kernels, and Python's."""
     package = install(tmp_path_factory.mktemp("made"))
     fresh = [sys.executable, "-c", SCRIPT]
-    done = subprocess.run(fresh, cwd=package.parent, capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("6.0 1 False")
+    done = ran(*fresh, cwd=package.parent)
+    assert done.startswith("6.0 1 False")
     return package / "__pycache__"
 
 
@@ -220,15 +221,13 @@ def test_without_a_lasting_folder_it_is_written_to_one_that_goes_with_the_proces
     shutil.rmtree(package / "__pycache__", ignore_errors=True)
     (package / "__pycache__").touch()  # a file, where a folder should be
     (tmp_path / "temporary").mkdir()
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT],
+    done = ran(
+        *PYTHON,
+        SCRIPT,
         cwd=package.parent,
         env={"HOME": os.devnull, "TMPDIR": str(tmp_path / "temporary")},
-        capture_output=True,
-        text=True,
-        check=True,
     )
-    assert done.stdout.startswith("6.0 1 True")
+    assert done.startswith("6.0 1 True")
     assert list((tmp_path / "temporary").iterdir()) == []
 
 
@@ -306,13 +305,7 @@ for _ in range(2):
 def test_ctrl_c_within_a_kernel_is_a_keyboard_interrupt(tmp_path: Path) -> None:
     package = install(tmp_path)
     (package / "interrupted.py").write_text(INTERRUPTED)
-    done = subprocess.run(
-        [sys.executable, "-m", "renew.interrupted"],
-        cwd=package.parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ended(sys.executable, "-m", "renew.interrupted", cwd=package.parent)
     assert (done.returncode, done.stdout) == (0, "interrupted\n" * 2), done.stderr
 
 
@@ -341,14 +334,8 @@ for _ in range(500):
 
 @pytest.mark.slow
 def test_plans_that_are_interrupted_end_with_a_keyboard_interrupt(root: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED_PLANS],
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    ended = Counter(done.stdout.split())
-    assert ended.total() == 500
-    assert set(ended) <= {"KeyboardInterrupt", "ended"}
-    assert ended["KeyboardInterrupt"] >= 300
+    done = ran(*PYTHON, INTERRUPTED_PLANS, cwd=root)
+    ends = Counter(done.split())
+    assert ends.total() == 500
+    assert set(ends) <= {"KeyboardInterrupt", "ended"}
+    assert ends["KeyboardInterrupt"] >= 300

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -16,6 +14,7 @@ import numpy as np
 import pytest
 
 import renew
+from tests.commands import PYTHON, ran
 from tests.strategies import random_scene, single_gyre
 
 # Variables that limit the threads of numerical libraries.
@@ -89,17 +88,14 @@ def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
 ) -> None:
     limits = dict.fromkeys(THREAD_LIMITS, str(threads))
     program = "from tests.renew.test_determinism import digests; print(digests())"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, **limits, "PYTHONHASHSEED": str(hash_seed)},
+    done = ran(
+        *PYTHON,
+        program,
         cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
+        env={**os.environ, **limits, "PYTHONHASHSEED": str(hash_seed)},
         timeout=300,
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str(here)
+    assert done.strip() == str(here)
 
 
 def test_the_compiler_changes_nothing(root: Path) -> None:
@@ -107,17 +103,10 @@ def test_the_compiler_changes_nothing(root: Path) -> None:
         "from tests.renew.test_determinism import gyre; best = gyre(classes=1).best; "
         "print(best.homotopy, best.fuel)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
+    done = ran(
+        *PYTHON, program, cwd=root, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, timeout=300
     )
-    assert done.returncode == 0, done.stderr
-    name, fuel = done.stdout.split()
+    name, fuel = done.split()
     best = gyre(classes=1).best
     assert name == best.homotopy
     assert float(fuel) == pytest.approx(best.fuel, rel=1e-9)

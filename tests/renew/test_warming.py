@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from pipeline.scenario import catalogue
+from tests.commands import PYTHON, ran
 from tests.conftest import ROOT
 
 REHEARSE = """
@@ -99,16 +98,13 @@ CLOCK = f"""{COUNTING}
 
 def in_fresh_process(script: str, *arguments: str, root: Path, **variables: str) -> str:
     """Run a script in a process of its own, and return what it prints."""
-    done = subprocess.run(
-        [sys.executable, "-c", script, *arguments],
+    return ran(
+        *PYTHON,
+        script,
+        *arguments,
         cwd=root,
         env=os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{ROOT}"} | variables,
-        capture_output=True,
-        text=True,
-        check=False,
     )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")

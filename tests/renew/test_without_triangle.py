@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +10,7 @@ from types import ModuleType
 
 import pytest
 
+from tests.commands import PYTHON, ran
 from tests.renew import test_against_oracles, test_planner
 from tests.strategies import single_gyre
 
@@ -46,14 +46,11 @@ def test_a_process_that_cannot_import_triangle_makes_the_same_plan(root: Path) -
         "import importlib.util; assert importlib.util.find_spec('triangle') is None; "
         "from tests.renew.test_without_triangle import gyre; print(gyre())"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, "PYTHONPATH": str(root / "tests" / "no_triangle")},
+    done = ran(
+        *PYTHON,
+        program,
         cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
+        env={**os.environ, "PYTHONPATH": str(root / "tests" / "no_triangle")},
         timeout=300,
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == gyre()
+    assert done.strip() == gyre()

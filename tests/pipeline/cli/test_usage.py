@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from tests.command_reference import commands
+from tests.reference import commands
 
 
 def refusal(*arguments: str) -> list[str]:

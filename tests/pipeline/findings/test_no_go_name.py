@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from pipeline.geo.projection import DepthCover
 from pipeline.model import GapShares
 from pipeline.run import Outcome
 from pipeline.stages.compare import safety_notes
+from tests.commands import ran
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 from tests.pipeline.results import rows_of, with_measures, with_rows
@@ -91,7 +91,7 @@ def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_pat
         pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
     write_passage_plan(with_depths, tmp_path / "a.pdf")
     command = ["pdftotext", "-layout", str(tmp_path / "a.pdf"), "-"]
-    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    printed = ran(*command)
     assert not said(printed.splitlines())
     assert "from no-go areas" in printed
 

@@ -6,7 +6,6 @@ import hashlib
 import json
 import platform
 import struct
-import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,6 +26,7 @@ from pipeline.formats.records import (
 )
 from pipeline.model import CurrentGrid, ShutStrait
 from pipeline.write import formats_of
+from tests.commands import ended
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.currents_files import planners, with_grids
 from tests.pipeline.results import with_case
@@ -99,7 +99,7 @@ def test_the_code_is_named_by_its_commit(result: RunResult) -> None:
     assert isinstance(code, dict)
     root = Path(__file__).resolve().parents[3]
     asked = ["git", "-C", str(root), "rev-parse", "HEAD"]
-    found = subprocess.run(asked, capture_output=True, check=False, text=True)
+    found = ended(*asked)
     if found.returncode:
         pytest.skip("not a checkout")
     assert code["commit"].removesuffix("-dirty") == found.stdout.strip()

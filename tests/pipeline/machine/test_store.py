@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +22,7 @@ from pipeline.machine.store import (
     save_artefact,
 )
 from pipeline.model import Credit
+from tests.commands import PYTHON, ran
 from tests.conftest import ROOT
 
 CREDIT = Credit("name", "land", "text", "licence")
@@ -92,12 +91,7 @@ def test_a_key_is_the_same_in_every_process_and_differs_with_every_input() -> No
         "from pipeline.machine.store import artefact_key\n"
         "print(artefact_key('plan', 'a', {'x': [1.5, None], 'y': 'z'}, ('b',)))"
     )
-    keys = {
-        subprocess.run(
-            [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
-        ).stdout.strip()
-        for _ in range(2)
-    }
+    keys = {ran(*PYTHON, script, cwd=ROOT).strip() for _ in range(2)}
     assert keys == {artefact_key("plan", "a", {"x": [1.5, None], "y": "z"}, ("b",))}
     others = [
         artefact_key("plan", "a", {"x": [1.5, None], "y": "z"}, ("c",)),
@@ -145,10 +139,8 @@ def test_every_loaded_module_is_in_the_hash() -> None:
         "ours = [m for n, m in sys.modules.items() if n.startswith(('renew', 'pipeline'))]\n"
         "print(json.dumps([m.__file__ for m in ours]))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
-    )
-    loaded = {Path(file).resolve() for file in json.loads(done.stdout.splitlines()[-1])}
+    done = ran(*PYTHON, script, cwd=ROOT)
+    loaded = {Path(file).resolve() for file in json.loads(done.splitlines()[-1])}
     assert loaded <= set(code_files()), sorted(loaded - set(code_files()))
 
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from pipeline.nightly.cycles import BusyError
 from pipeline.nightly.night import run_night
 from pipeline.nightly.planning import Preparation
 from pipeline.nightly.worker import CurrentTask
+from tests.commands import ended
 from tests.pipeline.nightly.killed_nights import (
     cases_done,
     night,
@@ -32,6 +34,7 @@ from tests.pipeline.nightly.nights import (
     plane_night,
     region_night,
     rows,
+    set_clock,
     write_forecast,
 )
 from tests.pipeline.processes import started, wait_until
@@ -153,13 +156,15 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path, cluster: str) ->
         module.write("# another version\n")
     command = (sys.executable, "-P", "-m", "pipeline.cli.main", "nightly", "run", "--config")
     file = plane_night(tmp_path)
-    done = subprocess.run(
-        [*command, str(file), "--output", str(tmp_path / "out"), "--scheduler", cluster],
-        env=os.environ | {"PYTHONPATH": str(other)},
+    done = ended(
+        *command,
+        str(file),
+        "--output",
+        str(tmp_path / "out"),
+        "--scheduler",
+        cluster,
         cwd=other,
-        capture_output=True,
-        text=True,
-        check=False,
+        env=os.environ | {"PYTHONPATH": str(other)},
     )
     assert done.returncode == 1
     assert "runs another version of RENEW" in done.stderr
@@ -171,23 +176,10 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path, cluster: str) ->
 def test_a_clock_that_is_elsewhere_changes_no_result(
     tmp_path: Path, cluster: str, date: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from datetime import UTC, datetime
-
-    from pipeline.nightly import cycles, night as night_module
-
     config = load_config(plane_night(tmp_path, pairs=2), tmp_path / "now")
     cycle = run_night(config, scheduler=cluster).cycle
 
-    class Clock(datetime):
-        """A clock that stands at another date."""
-
-        @classmethod
-        def now(cls, tz: object = None) -> datetime:  # type: ignore[override]
-            del tz
-            return datetime.fromisoformat(date).replace(tzinfo=UTC)
-
-    monkeypatch.setattr(night_module, "datetime", Clock)
-    monkeypatch.setattr(cycles, "datetime", Clock)
+    set_clock(monkeypatch, datetime.fromisoformat(date).replace(tzinfo=UTC))
     other = load_config(tmp_path / "night.toml", tmp_path / "then")
     assert run_night(other, scheduler=cluster).cycle == cycle
     assert contents(tmp_path / "now") == contents(tmp_path / "then")

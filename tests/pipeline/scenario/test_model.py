@@ -17,7 +17,7 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import descriptions, remedy_of
 from renew.inputs.options import RANGES
-from tests.scenario_reference import tables
+from tests.reference import tables
 
 VERBS = ("add", "give", "leave", "list", "name", "use", "write")
 UNITS = {"_deg_s": "degrees/s", "_m_s": "m/s", "_m": "metres"}
@@ -78,40 +78,6 @@ CHANGING = {
 }
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"departure": None}, "lacks 'departure'"),
-        ({"departure": "2026-11-22T06:00:00"}, "timezone"),
-        ({"valid": "2026-11"}, "has 'valid'"),
-        ({"departure": None, "valid": "2026-11"}, "'departure'; add.*has 'valid'"),
-        ({"max_hours": 0}, "max_hours"),
-        ({"departures": WINDOW}, "both 'departure' and 'departures'"),
-        ({"departure": None, "departures": {**WINDOW, "every": "0h"}}, "no time at all"),
-        ({"departure": None, "departures": {**WINDOW, "every": "often"}}, "not an interval"),
-        ({"departure": None, "departures": {**WINDOW, "count": 10_001}}, "equal to 10000"),
-        (
-            {"departure": None, "departures": {**WINDOW, "every": "1d", "count": 400}},
-            "over 9,576 hours; 8,784 are the most",
-        ),
-        ({"departure": None, "departures": {**WINDOW, "first": "2026-11-22T06:00"}}, "timezone"),
-        ({"to_within": "1h"}, "'to_within', but no 'departures'"),
-        ({"to_within": "soon"}, "not an interval"),
-        (
-            {"to_within": "1h", "arrive_by": "2026-11-22T06:00:00Z"},
-            "no 'departures' .*is to arrive_by 2026-11-22T06:00:00.00:00, not after its departure",
-        ),
-        ({"arrive_by": "2028-11-22T06:00:00Z"}, "under way for more than 8,784 hours"),
-    ],
-)
-def test_changing_currents_need_a_departure_and_sources(
-    changes: dict[str, object], words: str
-) -> None:
-    Season.model_validate(CHANGING)
-    with pytest.raises(ValidationError, match=words):
-        Season.model_validate({**CHANGING, **changes})
-
-
 STEADY_SPEED = {
     "name": "calm",
     "currents": ["still"],
@@ -129,31 +95,61 @@ def test_speeds_are_chosen_in_steady_and_in_changing_currents(base: dict[str, ob
     assert not season.leaves_departure_open
 
 
+FAULTS_OF_TIMES = [
+    ({"departure": None}, "lacks 'departure'"),
+    ({"departure": "2026-11-22T06:00:00"}, "timezone"),
+    ({"valid": "2026-11"}, "has 'valid'"),
+    ({"departure": None, "valid": "2026-11"}, "'departure'; add.*has 'valid'"),
+    ({"max_hours": 0}, "max_hours"),
+    ({"departures": WINDOW}, "both 'departure' and 'departures'"),
+    ({"departure": None, "departures": {**WINDOW, "every": "0h"}}, "no time at all"),
+    ({"departure": None, "departures": {**WINDOW, "every": "often"}}, "not an interval"),
+    ({"departure": None, "departures": {**WINDOW, "count": 10_001}}, "equal to 10000"),
+    (
+        {"departure": None, "departures": {**WINDOW, "every": "1d", "count": 400}},
+        "over 9,576 hours; 8,784 are the most",
+    ),
+    ({"departure": None, "departures": {**WINDOW, "first": "2026-11-22T06:00"}}, "timezone"),
+    ({"to_within": "1h"}, "'to_within', but no 'departures'"),
+    ({"to_within": "soon"}, "not an interval"),
+    (
+        {"to_within": "1h", "arrive_by": "2026-11-22T06:00:00Z"},
+        "no 'departures' .*is to arrive_by 2026-11-22T06:00:00.00:00, not after its departure",
+    ),
+    ({"arrive_by": "2028-11-22T06:00:00Z"}, "under way for more than 8,784 hours"),
+]
+FAULTS_OF_SPEEDS = [
+    ({"speed": {"least": 6.0, "most": 2.0}}, "speed.least = 6 m/s above speed.most = 2 m/s"),
+    ({"arrive_by": None}, "no 'arrive_by'"),
+    ({"departure": None}, "no 'departure'"),
+    ({"speed": {"least": float("nan"), "most": 2.0}}, "speed.least\n.*finite"),
+    ({"speed": {"least": 0.0, "most": 2e6}}, "speed.least\n(.*\n)*speed.most"),
+    ({"speed": {"least": 1.0}}, "speed.most\n.*required"),
+    ({"arrive_by": "2026-11-22T05:00:00Z"}, "not after its departure"),
+    (
+        {"speed": {"least": 6.0, "most": 2.0}, "departure": None, "arrive_by": None},
+        "exchange them; it has 'speed', but no 'departure'.*; it has 'speed', but no 'arrive_",
+    ),
+    (
+        {"speed": {"least": 6.0, "most": 2.0}, "currents": ["copernicus-glorys-monthly"]},
+        "exchange them; it lacks 'valid'",
+    ),
+]
+
+
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("base", "changes", "words"),
     [
-        ({"speed": {"least": 6.0, "most": 2.0}}, "speed.least = 6 m/s above speed.most = 2 m/s"),
-        ({"arrive_by": None}, "no 'arrive_by'"),
-        ({"departure": None}, "no 'departure'"),
-        ({"speed": {"least": float("nan"), "most": 2.0}}, "speed.least\n.*finite"),
-        ({"speed": {"least": 0.0, "most": 2e6}}, "speed.least\n(.*\n)*speed.most"),
-        ({"speed": {"least": 1.0}}, "speed.most\n.*required"),
-        ({"arrive_by": "2026-11-22T05:00:00Z"}, "not after its departure"),
-        (
-            {"speed": {"least": 6.0, "most": 2.0}, "departure": None, "arrive_by": None},
-            "exchange them; it has 'speed', but no 'departure'.*; it has 'speed', but no 'arrive_",
-        ),
-        (
-            {"speed": {"least": 6.0, "most": 2.0}, "currents": ["copernicus-glorys-monthly"]},
-            "exchange them; it lacks 'valid'",
-        ),
+        *((CHANGING, *row) for row in FAULTS_OF_TIMES),
+        *((STEADY_SPEED, *row) for row in FAULTS_OF_SPEEDS),
     ],
 )
-def test_a_choice_of_speeds_needs_two_speeds_and_two_times(
-    changes: dict[str, object], words: str
+def test_times_and_speeds_of_a_season_that_contradict_each_other_are_refused(
+    base: dict[str, object], changes: dict[str, object], words: str
 ) -> None:
+    Season.model_validate(base)
     with pytest.raises(ValidationError, match=words):
-        Season.model_validate({**STEADY_SPEED, **changes})
+        Season.model_validate({**base, **changes})
 
 
 def test_a_choice_of_speeds_is_of_its_season_and_at_true_scale() -> None:

@@ -123,10 +123,12 @@ class Server:
 
 
 @contextlib.contextmanager
-def serving(output: Path, *options: str) -> Iterator[Server]:
+def serving(
+    output: Path, *options: str, program: tuple[str, ...] = renew("serve")
+) -> Iterator[Server]:
     """Start a server at any free port; stop it at the end."""
-    command = renew("serve", "--port", "0", "--output", str(output), "--offline", *options)
-    with started(*command) as process:
+    given = ("--port", "0", "--output", str(output), "--offline", *options)
+    with started(*program, *given) as process:
         assert process.stdout is not None
         address = urlsplit(process.stdout.readline().strip())
         assert address.hostname == "127.0.0.1", process.stderr and process.stderr.read()

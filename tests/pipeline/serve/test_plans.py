@@ -19,6 +19,7 @@ import pytest
 import shapely
 
 from pipeline.serve.app import REPORT_POLICY
+from tests.commands import ended, ran
 from tests.pipeline.processes import descendants, ends_within, renew, wait_until
 from tests.pipeline.serve.client import AREA, LONG, VOYAGE, Server, serving
 
@@ -73,7 +74,7 @@ def test_the_command_line_gives_the_same_routes_byte_for_byte(
     program, go, *options = shlex.split(planned["command"])
     assert (program, go) == ("renew", "go")
     options[options.index("--output") + 1] = str(tmp_path)
-    subprocess.run(renew("go", *options), check=True, capture_output=True, timeout=300)
+    ran(*renew("go", *options), timeout=300)
     ours, theirs = server.output / planned["name"], tmp_path / planned["name"]
     assert sorted(one.name for one in theirs.iterdir()) == planned["files"]
     compared = [*theirs.glob("*.geojson"), theirs / "metrics.csv", *theirs.glob("*.waypoints")]
@@ -270,6 +271,6 @@ def test_workers_end_with_a_server_that_is_killed(tmp_path: Path) -> None:
 
 def test_a_port_that_is_taken_is_told(server: Server) -> None:
     command = renew("serve", "--port", str(server.port))
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    done = ended(*command)
     assert done.returncode == 2
     assert f"--port = {server.port} can't be opened" in done.stderr

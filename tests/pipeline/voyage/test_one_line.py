@@ -23,7 +23,8 @@ from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
-from tests.pipeline.processes import ROOT
+from tests.commands import ended
+from tests.conftest import ROOT
 from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics, write_tide
@@ -254,12 +255,13 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
 
 
 def command(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "pipeline.cli.main", "go", *map(str, words)],
-        capture_output=True,
-        text=True,
+    return ended(
+        sys.executable,
+        "-m",
+        "pipeline.cli.main",
+        "go",
+        *map(str, words),
         cwd=cwd,
-        check=False,
         env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
     )
 

@@ -132,35 +132,6 @@ def test_a_departure_alone_takes_the_services_hours_with_tide(speed: str) -> Non
     assert season.currents == ("copernicus-total-hourly",)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"depart": "2026-11-22T06:00"}, ["has no zone; add it: 2026-11-22T06:00Z"]),
-        ({"depart": "tomorrow"}, ["tomorrow is not a time"]),
-        ({"months": ("2026-11",)}, ["--depart and --month both say when"]),
-        (
-            {"currents": ("still",), "arrive_by": "2026-11-24T05:00Z"},
-            ["--arrive-by looks for the latest departure in currents that change"],
-        ),
-        ({"until": "2026-11-22T05:00Z"}, ["--until 2026-11-22T05:00Z is not after --depart"]),
-        (
-            {"depart": "", "arrive_by": "2026-11-23T06:00"},
-            ["--arrive-by 2026-11-23T06:00 has no zone", "--arrive-by needs --depart"],
-        ),
-        ({"depart": "soon", "currents": ("still",)}, ["soon is not a time"]),
-    ],
-)
-def test_departures_that_say_too_little_or_too_much(
-    changes: dict[str, object], words: list[str]
-) -> None:
-    asked = dict(PALAWAN, months=(), depart="2026-11-22T06:00Z", currents=(_HOURLY,))
-    with pytest.raises(RequestError) as caught:
-        scenario_of(dict(asked, **changes))
-    assert len(caught.value.faults) == len(words)
-    for fault, part in zip(caught.value.faults, words, strict=True):
-        assert part in fault
-
-
 TIMES = {"depart": "2026-11-22T06:00Z", "arrive_by": "2026-11-24T06:00Z"}
 
 
@@ -201,25 +172,44 @@ def test_speeds_in_a_window_of_departures_have_an_arrival_and_no_proof(tmp_path:
     assert season.leaves_departure_open
 
 
+FROM_SIX = dict(PALAWAN, months=(), depart="2026-11-22T06:00Z", currents=(_HOURLY,))
+FAULTS_OF_TIMES = [
+    ({"depart": "2026-11-22T06:00"}, ["has no zone; add it: 2026-11-22T06:00Z"]),
+    ({"depart": "tomorrow"}, ["tomorrow is not a time"]),
+    ({"months": ("2026-11",)}, ["--depart and --month both say when"]),
+    (
+        {"currents": ("still",), "arrive_by": "2026-11-24T05:00Z"},
+        ["--arrive-by looks for the latest departure in currents that change"],
+    ),
+    ({"until": "2026-11-22T05:00Z"}, ["--until 2026-11-22T05:00Z is not after --depart"]),
+    (
+        {"depart": "", "arrive_by": "2026-11-23T06:00"},
+        ["--arrive-by 2026-11-23T06:00 has no zone", "--arrive-by needs --depart"],
+    ),
+    ({"depart": "soon", "currents": ("still",)}, ["soon is not a time"]),
+]
+RANGE = dict(PALAWAN, speed="4..9kn", **TIMES)
+FAULTS_OF_RANGES = [
+    ({"arrive_by": ""}, ["add --arrive-by, or give one speed"]),
+    ({"depart": "", "arrive_by": ""}, ["add --depart and --arrive-by, or give one speed"]),
+    ({"speed": "9..4kn"}, ["--speed '9..4kn' begins above its end"]),
+    ({"speed": "0..4kn"}, ["--speed '0..4kn' begins at a speed of 0"]),
+    ({"speed": "4..9"}, ["--speed '4' is not understood"]),
+    (
+        {"until": "2026-11-23T06:00Z", "arrive_by": "", "speed": "9..4kn"},
+        ["begins above its end", "add --arrive-by", "--until looks for the best departure"],
+    ),
+    ({"until": "2026-11-23T06:00Z"}, ["--until looks for the best departure"]),
+]
+
+
 @pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"arrive_by": ""}, ["add --arrive-by, or give one speed"]),
-        ({"depart": "", "arrive_by": ""}, ["add --depart and --arrive-by, or give one speed"]),
-        ({"speed": "9..4kn"}, ["--speed '9..4kn' begins above its end"]),
-        ({"speed": "0..4kn"}, ["--speed '0..4kn' begins at a speed of 0"]),
-        ({"speed": "4..9"}, ["--speed '4' is not understood"]),
-        (
-            {"until": "2026-11-23T06:00Z", "arrive_by": "", "speed": "9..4kn"},
-            ["begins above its end", "add --arrive-by", "--until looks for the best departure"],
-        ),
-        ({"until": "2026-11-23T06:00Z"}, ["--until looks for the best departure"]),
-    ],
+    ("asked", "changes", "words"),
+    [*((FROM_SIX, *row) for row in FAULTS_OF_TIMES), *((RANGE, *row) for row in FAULTS_OF_RANGES)],
 )
-def test_a_range_of_speeds_needs_two_times_and_currents(
-    changes: dict[str, object], words: list[str]
+def test_times_and_speeds_that_say_too_little_or_too_much(
+    asked: dict[str, object], changes: dict[str, object], words: list[str]
 ) -> None:
-    asked = dict(PALAWAN, speed="4..9kn", **TIMES)
     with pytest.raises(RequestError) as caught:
         scenario_of(dict(asked, **changes))
     assert len(caught.value.faults) == len(words)

@@ -6,8 +6,6 @@ import datetime as dt
 import itertools
 import math
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from hypothesis import given, strategies as st
 
 import renew
 from renew.inputs.tide import arguments, speeds
+from tests.commands import PYTHON, ran
 from tests.strategies import examples
 
 EPOCH = np.datetime64("2026-11-22")
@@ -188,10 +187,8 @@ for asked in (lambda: renew.Tide({"M2": (1.0, 0.0)}, 1.5, epoch), lambda: speeds
     except renew.ParameterError as error:
         print(error)
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script], check=True, capture_output=True, text=True
-    )
-    heights, *refused = done.stdout.splitlines()
+    done = ran(*PYTHON, script)
+    heights, *refused = done.splitlines()
     assert heights == "[1.5]"
     assert len(refused) == 2
     for line in refused:

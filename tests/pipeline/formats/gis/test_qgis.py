@@ -16,9 +16,10 @@ import pytest
 from matplotlib.image import imread
 
 from pipeline.findings.result import RunResult
+from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.palette import COLOURS, season_colour
 from pipeline.stages.places import unsimplified
+from tests.commands import ran
 from tests.pipeline.formats.gis.cases import badly_named, moved_east
 
 pytestmark = pytest.mark.slow
@@ -153,16 +154,18 @@ def qgis_python(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def opened(python: str, file: Path, folder: Path) -> dict[str, Any]:
     folder.mkdir()
-    done = subprocess.run(
-        [python, "-c", _QGIS, str(file), PROJECT, str(folder), ",".join(LAYERS)],
+    done = ran(
+        python,
+        "-c",
+        _QGIS,
+        str(file),
+        PROJECT,
+        str(folder),
+        ",".join(LAYERS),
         env=environment(folder),
-        capture_output=True,
-        text=True,
         timeout=120,
-        check=False,
     )
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
+    found: dict[str, Any] = json.loads(done)
     return found
 
 

@@ -335,7 +335,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """Put a function in the probe's place: no file is known to crash every version of a library."""
     monkeypatch.setattr(probing, "probe", stand_in_probe)
     monkeypatch.setattr(probing, "_load_libraries", float)
-    monkeypatch.setattr(probing, "_FILE_S", 5.0)
+    monkeypatch.setattr(probing, "_FILE_S", 3.0)
 
 
 @pytest.mark.usefixtures("stand_in")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -23,6 +21,7 @@ from pipeline.sources.cf.axes import TimeSteps, latest_steps
 from pipeline.sources.cf.contents import Contents, read_contents
 from pipeline.sources.cf.fields import FieldReader, coverage_faults, find_window
 from pipeline.sources.current_field import Field, LandMask
+from tests.commands import PYTHON, ran
 from tests.pipeline.nightly.nights import REFERENCE, write_forecast
 from tests.pipeline.sources.cf.sample_files import BOX, LAT, LON, SEA, read
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
@@ -178,13 +177,7 @@ def test_a_global_file_of_gigabytes_is_read_in_megabytes(tmp_path: Path, kind: s
     path = tmp_path / f"global.{'zarr' if kind == 'zarr' else 'nc'}"
     rows, columns = slice(1152, 1280), slice(3456, 3712)
     (_zarr if kind == "zarr" else _netcdf)(path, (steps, ny, nx), rows, columns)
-    printed = subprocess.run(
-        [sys.executable, "-c", READ_BIG_FILE, str(path)],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[5],
-    ).stdout.split()
+    printed = ran(*PYTHON, READ_BIG_FILE, str(path), cwd=Path(__file__).parents[5]).split()
     assert 2 * 4 * steps * ny * nx > 6e9
     assert int(printed[0]) < 200, "megabytes"
     # Step i has i/100 east and -i/50 north.

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pyproj
 import pytest
 import roaring_landmask
 import shapely
@@ -20,6 +19,8 @@ from pipeline.findings.note_words import note_text
 from pipeline.sources.land import osm
 from pipeline.sources.land.osm import surroundings
 from pipeline.sources.land.shapes import box_around, buffered, repaired
+from tests.commands import PYTHON, ran
+from tests.true_scale import GEOD
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -153,10 +154,8 @@ print(re.search(r"VmHWM:\\s*(\\d+) kB", pathlib.Path("/proc/self/status").read_t
 """
     if not Path("/proc/self/status").exists():
         pytest.skip("needs Linux's /proc to read a process's peak memory")
-    done = subprocess.run(
-        [sys.executable, "-c", script], check=True, capture_output=True, text=True, cwd=root
-    )
-    assert int(done.stdout) < 600_000
+    done = ran(*PYTHON, script, cwd=root)
+    assert int(done) < 600_000
 
 
 # --- The world's polygons come from the cache as the package has them; damage and full disks.
@@ -375,9 +374,6 @@ def test_a_region_at_the_pole_has_surroundings() -> None:
 
 
 # --- Operations on chart geometries: repair, boxes and buffers in true metres ---
-
-
-GEOD = pyproj.Geod(ellps="WGS84")
 
 
 @pytest.mark.parametrize("latitude", [0.0, 60.0, 89.0])
