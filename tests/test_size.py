@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_623, 28),
     "pipeline/scenario": (2_543, 36),
     "pipeline/serve": (1_476, 9),
-    "pipeline/sources": (8_230, 39),
+    "pipeline/sources": (8_229, 39),
     "pipeline/stages": (4_649, 19),
     "pipeline/underway": (370, 2),
     "pipeline/voyage": (1_381, 3),
