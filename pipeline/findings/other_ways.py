@@ -32,7 +32,7 @@ from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import Strait
 from renew.inputs.current import as_field
-from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
+from renew.voyage.voyage import Voyage, Waters
 
 # Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
 # the suitable strip with the least area is used.
@@ -86,8 +86,6 @@ def side_bound(
     strip = strip_across(shapely.Point(main.x, main.y), paths[0], others, case)
     if strip is None:
         return None
-    choice = _choice(case, result)
-    is_loose = choice != NO_CHOICE and case.departure is not None
     elsewhere = case.chart.with_open_water(case.chart.less(case.chart.open_water, strip))
     voyage = Voyage(
         Waters(elsewhere, as_field(case.current)),
@@ -96,27 +94,33 @@ def side_bound(
         case.goal,
         options.drift,
         via=case.via,
-        choice=choice,
     )
+    voyage = _with_price(voyage, case, result)
+    is_loose = voyage.price < math.inf and case.departure is not None
     cells = _CELLS_AT_CHOICE if is_loose else _CELLS
     fuel = fuel_lower_bound(voyage, cells, _PLAIN * result.routes[0].fuel)
     return fuel if math.isfinite(fuel) else None
 
 
-def _choice(case: Case, result: CaseResult) -> SpeedsByLeg:
-    """Return the case's choice of speeds, with a price of time.
+def _with_price(voyage: Voyage, case: Case, result: CaseResult) -> Voyage:
+    """Return the voyage with the case's choice of speeds, if it has one, at a price of time.
 
     The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
     arrival time at the best route's arrival.
     """
     speeds, planned = case.speeds, result.plan
     if speeds is None or planned is None or planned.trade_off is None:
-        return NO_CHOICE
+        return voyage
     arrivals, fuels = planned.trade_off.arrivals, planned.trade_off.fuels
     if len(arrivals) < 2:
-        return NO_CHOICE
+        return voyage
     slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
-    return SpeedsByLeg(speeds.least, max(0.0, -float(slope)), result.arrive_by_s)
+    return replace(
+        voyage,
+        least_speed=speeds.least,
+        price=max(0.0, -float(slope)),
+        deadline=result.arrive_by_s,
+    )
 
 
 def strip_across(

@@ -46,7 +46,7 @@ from renew.kernels.current_table import CurrentTable
 # Packages whose version can change a figure or a file.
 _PACKAGES = (
     *("renew-planner", "contourpy", "copernicusmarine", "dask", "geopandas", "gpxpy", "jinja2"),
-    *("lxml", "matplotlib", "netCDF4", "networkx", "numba", "numpy", "pydantic", "pyogrio"),
+    *("lxml", "matplotlib", "netCDF4", "numba", "numpy", "pydantic", "pyogrio"),
     *("pyproj", "roaring-landmask", "scipy", "shapely", "triangle", "xarray"),
 )
 

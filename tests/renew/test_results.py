@@ -251,12 +251,9 @@ def callables(public: object) -> list[object]:
 
 
 @pytest.mark.parametrize("public", PUBLIC, ids=renew.__all__)
-def test_type_hints_can_be_evaluated(public: object) -> None:
-    for one in callables(public):
-        typing.get_type_hints(one)
-
-
-@pytest.mark.parametrize("public", PUBLIC, ids=renew.__all__)
-def test_everything_public_is_documented(public: object) -> None:
-    for one in callables(public):
-        assert inspect.getdoc(one), one
+def test_everything_public_is_documented_and_has_types_that_can_be_evaluated(
+    public: object,
+) -> None:
+    for member in callables(public):
+        assert inspect.getdoc(member), member
+        typing.get_type_hints(member)

@@ -17,7 +17,7 @@ from shapely import box
 import renew
 from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
-from renew.classes.dual_graph import dual_graph, visits
+from renew.classes.dual_graph import visits
 from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import (
     RayColumns,
@@ -35,6 +35,7 @@ from renew.classes.triangulation import Triangulation, triangulate
 from renew.inputs.options import Order
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
+<<<<<<< HEAD
 from tests.strategies import (
     StreamFunctionCurrent,
     chart_of,
@@ -43,6 +44,10 @@ from tests.strategies import (
     single_gyre,
     voyage_on,
 )
+=======
+from tests.oracles import dual_graph
+from tests.strategies import StreamFunctionCurrent, examples, seeds, single_gyre, voyage_on
+>>>>>>> 17328428a7a6218f5b78f699caa523f6abce73fe
 
 
 def scene(seed: int) -> Voyage:

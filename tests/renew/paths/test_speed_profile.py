@@ -22,7 +22,7 @@ from renew.paths.speed_profile import (
     trade_off,
     trade_off_by_clock,
 )
-from renew.voyage.voyage import SpeedsByLeg, Voyage, Waters
+from renew.voyage.voyage import Voyage, Waters
 from tests.moving_waters import moving_scene
 from tests.speed_oracles import CostModel, least_fuel, with_and_against
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent
@@ -41,8 +41,8 @@ def _voyage(
     speeds: tuple[float, float] = (0.1, 3.0),
 ) -> Voyage:
     vessel = renew.Vessel(speed=speeds[1], turn_rate=1.0, fuel_exponent=exponent)
-    choice = SpeedsByLeg(speeds[0], deadline=deadline)
-    return Voyage(Waters(CHART, as_field(current)), vessel, path[0], path[-1], drift, choice=choice)
+    voyage = Voyage(Waters(CHART, as_field(current)), vessel, path[0], path[-1], drift)
+    return replace(voyage, least_speed=speeds[0], deadline=deadline)
 
 
 @pytest.mark.parametrize("drift", DRIFTS)
@@ -130,7 +130,6 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
     scene = moving_scene(seed)
     middle = (scene.start + scene.goal) / 2 + np.array([6.0, -6.0])
     vessel = replace(PAPER_VESSEL, speed=SPEEDS[1], fuel_exponent=exponent)
-    choice = SpeedsByLeg(SPEEDS[0], deadline=scene.departure + under_way)
     voyage = Voyage(
         Waters(scene.chart, scene.current),
         vessel,
@@ -138,7 +137,8 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
         scene.goal,
         scene.drift,
         scene.departure,
-        choice=choice,
+        least_speed=SPEEDS[0],
+        deadline=scene.departure + under_way,
     )
     return voyage, np.stack([scene.start, middle, scene.goal])
 
