@@ -35,7 +35,7 @@ from renew.classes.triangulation import Triangulation, triangulate
 from renew.inputs.options import Order
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
-<<<<<<< HEAD
+from tests.oracles import dual_graph
 from tests.strategies import (
     StreamFunctionCurrent,
     chart_of,
@@ -44,10 +44,6 @@ from tests.strategies import (
     single_gyre,
     voyage_on,
 )
-=======
-from tests.oracles import dual_graph
-from tests.strategies import StreamFunctionCurrent, examples, seeds, single_gyre, voyage_on
->>>>>>> 17328428a7a6218f5b78f699caa523f6abce73fe
 
 
 def scene(seed: int) -> Voyage:
