@@ -300,7 +300,7 @@ def read_clearance_m(given: str | float) -> float:
 
 
 def _read(text: str, units: dict[str, float], remedy: str) -> float:
-    """Return a number times the factor of its unit."""
+    """Read a number with its unit; return it in m or m/s."""
     matched = _QUANTITY.fullmatch(text)
     factor = units.get((matched[2] or "").lower()) if matched is not None else None
     if matched is None or factor is None:
