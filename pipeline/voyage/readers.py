@@ -415,7 +415,7 @@ def read_vessel(given: "str | VesselSpec") -> "VesselSpec":
         file = expanded(given, "")
         if reason := unreadable_reason(file):
             raise ValueError(f"{given} {reason}; `renew show usv-7m` prints one")
-        return catalogue.vessel_in(file, given)
+        return catalogue.vessel_of_file(file, given)
     known = catalogue.names("vessels")
     if given not in known:
         hint = "write a file as a path: './my-vessel.toml'"
