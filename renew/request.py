@@ -1,7 +1,7 @@
 """What is asked of a plan: where, with which vessel, in which current, when, and how."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -21,7 +21,7 @@ from renew.inputs.options import (
     is_one_of,
     is_row,
 )
-from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
+from renew.voyage.voyage import Voyage, Waters
 
 Place: TypeAlias = FloatArray | tuple[float, float]
 """A point (2,), m."""
@@ -129,10 +129,7 @@ class Request:
 
     def voyage(self, waters: Waters, vessel: Vessel) -> Voyage:
         """Return the voyage in some waters, with a vessel whose speed is the highest to choose."""
-        choice = NO_CHOICE
-        if self.speed is not None:
-            choice = SpeedsByLeg(float(self.speed[0]), deadline=self.deadline)
-        return Voyage(
+        voyage = Voyage(
             waters,
             vessel,
             self.stops[0],
@@ -142,8 +139,10 @@ class Request:
             float(self.options.lateness),
             float(self.options.min_lateness),
             self.stops[1:-1],
-            choice=choice,
         )
+        if self.speed is None:
+            return voyage
+        return replace(voyage, least_speed=float(self.speed[0]), deadline=self.deadline)
 
 
 def options_by_name(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -248,5 +248,7 @@ def _last_success(path: Path) -> dict[str, float]:
     except (OSError, ValueError):
         return {}
     return {
-        one.name: one.samples[0].value for one in families if one.name in {_LAST_SUCCESS, _FORECAST}
+        family.name: family.samples[0].value
+        for family in families
+        if family.name in {_LAST_SUCCESS, _FORECAST}
     }

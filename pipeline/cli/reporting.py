@@ -24,7 +24,7 @@ from pipeline.cli.terminal import (
     terminal_width,
 )
 from pipeline.findings import text
-from pipeline.findings.columns import figures
+from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.text import json_value, season_text

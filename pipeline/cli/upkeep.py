@@ -266,7 +266,7 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
         A run is using the folder.
     """
     from pipeline import session
-    from pipeline.machine.store import MAX_STORE_BYTES, seconds_ago
+    from pipeline.machine.store import MAX_STORE_BYTES
     from pipeline.sources.land.osm import remove_cached
 
     age = re.fullmatch(r"(\d{1,6})([hdw])", older)
@@ -276,7 +276,9 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
         )
     days = int(age[1]) * _DAYS[age[2]]
     freed = session.clean(
-        output, max_bytes=0 if everything else MAX_STORE_BYTES, used_before=seconds_ago(days)
+        output,
+        max_bytes=0 if everything else MAX_STORE_BYTES,
+        used_before=time.time() - 86_400 * days,
     )
     text = (
         f"Freed {freed.size / _MB:,.1f} MB ({freed.files:,} files); {freed.remaining / _MB:,.1f} "

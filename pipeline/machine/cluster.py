@@ -249,14 +249,14 @@ class Fleet:
         """Ask the scheduler for its workers, and return their number."""
         self._asked = time.monotonic()
         try:
-            found = scheduler_workers(self._address, _ANSWER_S)
+            workers = scheduler_workers(self._address, _ANSWER_S)
         except Exception as error:
             raise self._dead() from error
         self._answered = time.monotonic()
-        if found:
+        if workers:
             self._had_workers = self._answered
-            self._slots = sum(int(worker["nthreads"]) for worker in found.values())
-        return len(found)
+            self._slots = sum(int(worker["nthreads"]) for worker in workers.values())
+        return len(workers)
 
     def _check_workers_since(self) -> None:
         """Raise StageError if there have been no workers for _WORKERS_S."""

@@ -130,8 +130,8 @@ def shown(path: str | Path) -> str:
 
 def unusable_reason(name: str) -> str:
     """Say why a text can't be a path, with the remedy; empty when it can."""
-    if found := acts(name):
-        return f"has in its name {found}; rename it"
+    if character := acts(name):
+        return f"has in its name {character}; rename it"
     try:
         Path(name).expanduser()
     except RuntimeError:

@@ -22,7 +22,6 @@ import io
 import os
 import pickle
 import subprocess
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -45,7 +44,6 @@ _LIBRARIES = (
     "scipy",
     "shapely",
     "pyproj",
-    "networkx",
     "triangle",
     "numba",
 )
@@ -94,12 +92,12 @@ class Store:
         self, stage: str, key: str, kind: type[ValueT], make: Callable[[], ValueT]
     ) -> ValueT:
         """Load an artefact, or make and save it."""
-        found = self.load(stage, key, kind)
-        if found is None:
+        value = self.load(stage, key, kind)
+        if value is None:
             self.has_made = True
-            found = make()
-            self.save(stage, key, found)
-        return found
+            value = make()
+            self.save(stage, key, value)
+        return value
 
     def artefact(
         self, stage: str, kind: type[ValueT], inputs: object, make: Callable[[], ValueT]
@@ -189,11 +187,11 @@ def read_checked(path: Path) -> bytes | None:
 @cache
 def library_versions() -> tuple[str, ...]:
     """Return the installed versions of the libraries that results depend on."""
-    found = []
+    versions = []
     for name in _LIBRARIES:
         with contextlib.suppress(PackageNotFoundError):
-            found.append(f"{name} {version(name)}")
-    return tuple(found)
+            versions.append(f"{name} {version(name)}")
+    return tuple(versions)
 
 
 def file_hash(path: Path) -> str:
@@ -248,11 +246,6 @@ def prune(
                 count += 1
             remaining -= size
     return Freed(count, total - remaining, remaining)
-
-
-def seconds_ago(days: float) -> float:
-    """Return the time some days ago, s since 1970."""
-    return time.time() - days * 86_400
 
 
 def _items(root: Path) -> Iterator[tuple[float, int, list[Path]]]:
@@ -358,9 +351,9 @@ class _ValueUnpickler(pickle.Unpickler):
         if name in _ALLOWED.get(module, ()):
             return super().find_class(module, name)
         if module.partition(".")[0] in _PACKAGES:
-            found = super().find_class(module, name)
-            if isinstance(found, type) and _holds_values(found):
-                return found
+            value_class = super().find_class(module, name)
+            if isinstance(value_class, type) and _holds_values(value_class):
+                return value_class
         raise pickle.UnpicklingError(f"{module}.{name} is no value of this program")
 
 

@@ -47,7 +47,7 @@ class WorkerEndedError(Exception):
     """A worker ended during a call.
 
     `exit_code` is negative for a signal, and None where the worker was killed after `limit_s`
-    seconds; `stderr` is the last that it wrote there.
+    seconds; `stderr` is the end of what it wrote to standard error.
     """
 
     def __init__(self, exit_code: int | None, stderr: str, limit_s: float = math.inf) -> None:
@@ -55,7 +55,7 @@ class WorkerEndedError(Exception):
         self.exit_code, self.stderr, self.limit_s = exit_code, stderr, limit_s
 
     def __str__(self) -> str:
-        """Say which limit it exceeded, or with which code it ended and the last that it wrote."""
+        """Say which limit it exceeded, or with which code it ended and the last line it wrote."""
         if self.exit_code is None:
             return f"took longer than the limit of {self.limit_s:g} s"
         last = next(filter(None, map(str.strip, reversed(self.stderr.split("\n")))), "")

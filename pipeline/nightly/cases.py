@@ -29,7 +29,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import STILL, Season
+from pipeline.scenario.season import STILL, Currents, Season
 from pipeline.scenario.strict import Name, Point, looks_like_path, near_miss
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import charted_land
@@ -42,7 +42,7 @@ _MAX_BYTES = 100 << 20
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 NONE = "-"
 """Stands for a part that the name of a case lacks; removed at the end of the name."""
-# Dimensions of a block, in the order of a case's name after the scenario.
+# Dimensions of a block, in the order in which a case's name has them after the scenario.
 _DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 # Largest number of cases of a night: all are held in memory.
 _MAX_CASES = 20_000
@@ -79,18 +79,18 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         return (), [f"{shown(path)} can't be read as CSV: {error}; save it as CSV in UTF-8"]
     head = [cell.strip() for cell in rows[0]] if rows else []
-    if found := _head_faults(head, keys):
-        return (), [f"{path.name}, row 1: {fault}" for fault in found]
+    if of_head := _head_faults(head, keys):
+        return (), [f"{path.name}, row 1: {fault}" for fault in of_head]
     pairs, faults = [], list[str]()
     for number, cells in enumerate(rows[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
         pair = None
-        found = [f"has {len(cells)} cells, the header has {len(head)}; correct the row"]
+        of_row = [f"has {len(cells)} cells, the header has {len(head)}; correct the row"]
         if len(cells) == len(head):
             row = dict(zip(head, cells, strict=True))
-            pair, found = _pair(row, number, keys, is_planar=is_planar)
-        faults += [Fault(f"row {number}", f": {fault}", f"{path.name}, ") for fault in found]
+            pair, of_row = _pair(row, number, keys, is_planar=is_planar)
+        faults += [Fault(f"row {number}", f": {fault}", f"{path.name}, ") for fault in of_row]
         if pair is not None:
             pairs.append(pair)
     faults += _repeated(path.name, pairs)
@@ -113,7 +113,9 @@ def _head_faults(head: Sequence[str], keys: Sequence[str]) -> list[str]:
     """Return the faults of a header; no column is dropped unread."""
     if len(head) == 1 and ";" in head[0]:
         return ["is separated by ';'; separate by commas, with points in numbers: 119.90,10.00"]
-    faults = [f"unknown column {one!r}: {near_miss(one, keys)}" for one in head if one not in keys]
+    faults = [
+        f"unknown column {cell!r}: {near_miss(cell, keys)}" for cell in head if cell not in keys
+    ]
     if lacking := [key for key in keys if key not in head]:
         faults.append(f"has no column {', '.join(lacking)}; the columns are {', '.join(keys)}")
     if len(set(head)) < len(head):
@@ -172,6 +174,11 @@ class Block:
         """Number of cases."""
         return math.prod(len(getattr(self, dimension)) for dimension in _DIMENSIONS)
 
+    def sources(self) -> Iterator[tuple[Season, tuple[Currents, ...]]]:
+        """Yield each season with the sources of its currents: its own, or a member's file."""
+        for season, member in itertools.product(self.seasons, self.members):
+            yield season, sources_of(season, member)
+
     @cached_property
     def names(self) -> tuple[frozenset[str], ...]:
         """Names in each dimension, to find whether two blocks have a case in common."""
@@ -187,7 +194,7 @@ class Block:
         """
         scenario, *wanted = asked.strip("/").split("/")
         kept: dict[str, Any] = {
-            dimension: tuple(one for one in getattr(self, dimension) if _name_of(one) == name)
+            dimension: tuple(part for part in getattr(self, dimension) if _name_of(part) == name)
             for dimension, name in zip(_DIMENSIONS, wanted, strict=False)
         }
         beyond = wanted[len(_DIMENSIONS) :]
@@ -196,8 +203,13 @@ class Block:
         return replace(self, **kept)
 
 
+def sources_of(season: Season, member: str | None) -> tuple[Currents, ...]:
+    """Return sources of currents in order of preference: the season's own, or a member's file."""
+    return season.currents if member is None else ((member,),)
+
+
 def _name_of(part: Season | Pair | Departure | VesselSpec | str | None) -> str:
-    """Return a name of a case; that of a member is its file's name in the characters of names."""
+    """Return the name of a part of a case; that of a member is made of its file's name."""
     if isinstance(part, str):
         return _NO_NAME.sub("-", Path(part).stem.lower()).strip("-")[:64] or "member"
     return NONE if part is None else part.name
@@ -303,11 +315,11 @@ def expand(config: NightConfig, *, only: str | None = None) -> list[Block]:
     faults += [
         config.located(
             f"cases[{other.number}].scenario",
-            f" = {other.scenario.name!r}: asks for cases of cases[{one.number}] again; leave them "
-            "out in one of the two",
+            f" = {other.scenario.name!r}: asks for cases of cases[{first.number}] again; leave "
+            "them out in one of the two",
         )
-        for one, other in itertools.combinations(blocks, 2)
-        if not any(a.isdisjoint(b) for a, b in zip(one.names, other.names, strict=True))
+        for first, other in itertools.combinations(blocks, 2)
+        if not any(a.isdisjoint(b) for a, b in zip(first.names, other.names, strict=True))
     ]
     for number, voyage in enumerate(config.spec.voyages):
         for key, given in (("results", voyage.results), ("positions", voyage.positions)):
@@ -510,7 +522,7 @@ def _with_times(data: dict[str, Any]) -> dict[str, Any]:
             if season.get("time_method") == "changing":
                 if not {"departures", "arrive_by"} & season.keys():
                     time = {"departure": datetime.fromtimestamp(0, UTC)}
-            elif any(not isinstance(one, str) or looks_like_path(one) for one in sources):
+            elif any(not isinstance(name, str) or looks_like_path(name) for name in sources):
                 time = {"valid": "1970-01"}  # files
         seasons.append({**time, **season} if time else season)
     return {**data, "seasons": seasons}

@@ -36,6 +36,8 @@ _AHEAD = timedelta(days=1)
 # Largest time by which the last step of currents without a reference time may be ahead of the
 # clock: some currents last a season.
 _STEPS_AHEAD = timedelta(days=366)
+# Folder of all forecasts, in the output folder.
+_FORECASTS = ".forecasts"
 # Format of the names of forecasts' folders; the names ascend with time.
 _FORECAST = "%Y-%m-%dT%H%MZ"
 # Time to wait for another night that keeps forecasts in the same folder, s.
@@ -105,8 +107,8 @@ def newest_currents(
         if block.scenario.is_planar:
             planes.append("".join(season.model_dump_json() for season in block.seasons))
             continue
-        for season, member in itertools.product(block.seasons, block.members):
-            issue = _issue(season, member, now, reasons, ahead)
+        for season, sources in block.sources():
+            issue = _issue(season, sources, now, reasons, ahead)
             if issue is not None:
                 issues.append(issue)
     if ahead and last_night is not None and now < last_night:
@@ -132,20 +134,15 @@ def newest_currents(
     return Newest(cycle, newest, first, digest, is_timeless, ahead)
 
 
-def named_currents(season: Season, member: str | None) -> tuple[Currents, ...]:
-    """Return the sources of currents in order of preference: the season's, or the member's file."""
-    return season.currents if member is None else ((member,),)
-
-
 def _issue(
     season: Season,
-    member: str | None,
+    sources: Iterable[Currents],
     now: datetime,
     reasons: dict[str, None],
     ahead: dict[Currents, str],
 ) -> Issue | None:
     """Return the issue of the first usable source; add why the earlier sources can't be used."""
-    for named in named_currents(season, member):
+    for named in sources:
         try:
             source = current_source(named, season.members)
             unavailable = source.unavailable_reason()
@@ -200,20 +197,20 @@ def keep_forecasts(output: Path, blocks: Iterable[Block], newest: Newest, *, pru
     """
     wanted: dict[tuple[str, ...], dict[int, Season]] = {}
     for block in blocks:
-        for season, member in itertools.product(block.seasons, block.members):
+        for season, sources in block.sources():
             if season.members is None or not season.members.are_kept:
                 continue
-            for named in named_currents(season, member):
-                if isinstance(named, tuple) and named not in newest.ahead:
-                    wanted.setdefault(named, {})[season.members.count] = season
+            for source in sources:
+                if isinstance(source, tuple) and source not in newest.ahead:
+                    wanted.setdefault(source, {})[season.members.count] = season
     if not wanted:
         return
-    root = _forecasts_root(output)
+    root = output / _FORECASTS
     with writing(root), file_lock(root / "lock", wait_s=_WAIT_S):
-        for named, by_count in wanted.items():
+        for source, by_count in wanted.items():
             count = max(by_count)
-            _copy_forecast(output, named, by_count[count])
-            for old in _kept(output, named)[count:] if prune else ():
+            _copy_forecast(output, source, by_count[count])
+            for old in _kept(output, source)[count:] if prune else ():
                 shutil.rmtree(old)
 
 
@@ -228,20 +225,21 @@ def kept_forecasts(
     for source in sources:
         time = _forecast_time(source, season) if isinstance(source, tuple) else None
         if time is not None:
-            kept = [one for one in _kept(output, source) if one.name <= time.strftime(_FORECAST)]
-            kept_sources.append(tuple(f"{escape(str(one))}/*" for one in kept[:count]))
+            tonight = time.strftime(_FORECAST)
+            kept = [path for path in _kept(output, source) if path.name <= tonight]
+            kept_sources.append(tuple(f"{escape(str(path))}/*" for path in kept[:count]))
     return tuple(filter(None, kept_sources))
 
 
-def _forecasts_root(output: Path) -> Path:
-    """Return the folder of all forecasts."""
-    return output / ".forecasts"
+def _folder(output: Path, source: Currents) -> Path:
+    """Return the folder of a source's forecasts."""
+    return output / _FORECASTS / _hash([str(source)])[:16]
 
 
 def _kept(output: Path, source: Currents) -> list[Path]:
     """Return the folders of a source's forecasts, the newest first."""
-    folder = _forecasts_root(output) / _hash([str(source)])[:16]
-    return sorted((path for path in folder.glob("*Z") if path.is_dir()), reverse=True)
+    paths = _folder(output, source).glob("*Z")
+    return sorted((path for path in paths if path.is_dir()), reverse=True)
 
 
 def _copy_forecast(output: Path, source: tuple[str, ...], season: Season) -> None:
@@ -249,8 +247,7 @@ def _copy_forecast(output: Path, source: tuple[str, ...], season: Season) -> Non
     time = _forecast_time(source, season)
     if time is None:
         return
-    files = find_files(source)
-    place = _forecasts_root(output) / _hash([str(source)])[:16] / time.strftime(_FORECAST)
+    files, place = find_files(source), _folder(output, source) / time.strftime(_FORECAST)
     if place.is_dir() and _stamps(place.iterdir()) == _stamps(files):
         return
     names = [file.name for file in files]

@@ -39,8 +39,9 @@ PARTIAL = ".partial"
 DAMAGED = "damaged"
 RECORD = "night.json"
 """The file of a cycle that records when and from which inputs it was made."""
-# Files of an unfinished cycle: what its results are made from, and the rows of finished batches.
+# File of an unfinished cycle that identifies all inputs of its results.
 _REQUEST = "request.json"
+# Folder of an unfinished cycle with the rows of finished batches.
 _PARTS = "parts"
 _LINK = ".latest.link"
 _REMOVED = ".removed"
@@ -133,8 +134,8 @@ class Cycles:
 
     def finished(self) -> list[str]:
         """Return the names of finished cycles, oldest first; see `_age`."""
-        found = [path for path in self._folders() if is_cycle(path.name)]
-        return [path.name for path in sorted(found, key=_age)]
+        cycles = [path for path in self._folders() if is_cycle(path.name)]
+        return [path.name for path in sorted(cycles, key=_age)]
 
     def revisions(self, cycle: str) -> list[str]:
         """Return the finished cycles on the currents of `cycle`, oldest first."""

@@ -19,8 +19,8 @@ from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.machine.workers import LocalWorkers
 from pipeline.nightly import worker
-from pipeline.nightly.cases import NightCase
-from pipeline.nightly.currents import ComeAgainError, Newest, kept_forecasts, named_currents
+from pipeline.nightly.cases import NightCase, sources_of
+from pipeline.nightly.currents import ComeAgainError, Newest, kept_forecasts
 from pipeline.nightly.cycles import Partial, Row
 from pipeline.nightly.records import EarlierRoute
 from pipeline.nightly.worker import (
@@ -37,12 +37,12 @@ from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import with_max_hours
 from pipeline.texts import clean
 
-# Duration at which a batch aims, s: a killed job loses the batches that are unfinished.
+# Duration of a batch, s: a job that is killed loses its unfinished batches.
 _TARGET_S = 40.0
-# Largest share of one worker's part of the remaining work in a batch: at the end no worker should
-# wait long for another.
+# A batch has at most this share of the work that remains for each worker: so at the end no worker
+# waits long for another.
 _SHARE = 1 / 8
-# Least duration at which a batch aims, s: handing it out costs some of it.
+# Shortest duration of a batch, s: to hand out a batch takes time, too.
 _LEAST_S = 2.0
 # Number of cases in a batch until the duration of a case is known.
 _FIRST_CASES = 1
@@ -50,7 +50,7 @@ _FIRST_CASES = 1
 _DEATHS = 2
 # Each local worker has one core.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-# What begins a failure that is not about the data.
+# Begins the reason of a failure of a worker or of the program, not of the data.
 _BROKEN = "broken: "
 _DIED = (
     "its worker died (out of memory, which memory_gb limits for local workers, or a crash of the "
@@ -83,7 +83,7 @@ class Preparation:
 
     def died(self, task: ChartTask | CurrentTask, reason: str) -> None:
         """Try a task again whose worker died; record the failure of one that killed two."""
-        del reason  # the row says what it may have been
+        del reason  # the case's row names what may have been the reason
         if task.path not in self._tried:
             self._tried.add(task.path)
             self._waiting.append(task)
@@ -159,7 +159,7 @@ class Planning:
         make(charts)
         self.failures |= {
             path: "; ".join(
-                self.newest.ahead[source] for source in named_currents(case.season, case.member)
+                self.newest.ahead[source] for source in sources_of(case.season, case.member)
             )
             for path, case in of_currents.items()
             if not case.block.scenario.is_planar and not self._usable_currents(case)
@@ -239,8 +239,8 @@ class Planning:
 
     def _usable_currents(self, case: NightCase) -> tuple[Currents, ...]:
         """Return the sources of a case's currents, without those dated in the future."""
-        named = named_currents(case.season, case.member)
-        return tuple(one for one in named if one not in self.newest.ahead)
+        sources = sources_of(case.season, case.member)
+        return tuple(source for source in sources if source not in self.newest.ahead)
 
     def _batch(self, cases: Sequence[NightCase]) -> PlanBatch:
         """Return a batch of cases on one chart."""
@@ -277,12 +277,14 @@ def _ends(case: NightCase) -> tuple[Point, ...]:
 
 def _longest(case: NightCase) -> Scenario:
     """Return a case's scenario with the pair of its block that lies farthest apart."""
-    scenario, pairs = _scenario(case), [one for one in case.block.pairs if one is not None]
+    scenario, pairs = _scenario(case), [pair for pair in case.block.pairs if pair is not None]
     if not pairs:
         return scenario
     import pyproj
 
-    starts, goals = (np.array([getattr(one, name) for one in pairs]) for name in ("start", "goal"))
+    starts, goals = (
+        np.array([getattr(pair, name) for pair in pairs]) for name in ("start", "goal")
+    )
     farthest = pairs[int(pyproj.Geod(ellps="WGS84").inv(*starts.T, *goals.T)[2].argmax())]
     return scenario.model_copy(update={"start": farthest.start, "goal": farthest.goal})
 
@@ -335,7 +337,7 @@ class BatchWork:
 
     def died(self, task: PlanBatch, reason: str) -> None:
         """Halve a batch; a single case is tried once more, and then recorded as broken."""
-        del reason  # the row says what it may have been
+        del reason  # the case's row names what may have been the reason
         if (count := len(task.cases)) > 1:
             halves = task.cases[: count // 2], task.cases[count // 2 :]
             self._suspects.extend(replace(task, cases=half) for half in halves)

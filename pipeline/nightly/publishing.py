@@ -20,10 +20,10 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.findings import columns, text
-from pipeline.findings.ensembles import flips_text
-from pipeline.formats.gis import frames
-from pipeline.formats.palette import style_colours
+from pipeline.findings import names, text
+from pipeline.findings.choices import flips_text
+from pipeline.formats.appearance import style_colours
+from pipeline.formats.gis import layers
 from pipeline.geo.projection import bounds_of
 from pipeline.machine.store import load_artefact
 from pipeline.nightly.cases import NONE
@@ -63,7 +63,7 @@ _SHARED = [
 ]
 _TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT}
 _ROUTE = [
-    *((name, _TYPES[columns.COLUMNS[name].type]) for name in columns.figure_columns("night")),
+    *((name, _TYPES[names.COLUMNS[name].type]) for name in names.figure_columns("night")),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
 ]
@@ -112,21 +112,20 @@ CHANGES_COLUMNS = (
     "status", "reason",
 )
 # fmt: on
-"""Columns; `earlier_` is yesterday's route, `keep_` the same route in tonight's current."""
+"""Columns: `earlier_…` is of yesterday's route, `keep_…` of that route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
-LAYER = frames.Layer(
-    "routes",
-    title="Routes of the night",
-    description="The best route of each case (rank 1), and its best route on each other side; "
+LAYER = {
+    "title": "Routes of the night",
+    "description": "The best route of each case (rank 1), and its best route on each other side; "
     "routes.parquet has all routes",
-    geometry_type="LineString",
-)
+    "geometry_type": "LineString",
+}
 _LAYER_TEXTS = (*(name for name, _ in _SHARED if name != "index"), "side", "class")
 # Figures of a route in the layer: those of the layer of a run.
 _FIGURES = tuple(
     name
-    for name in columns.figure_columns("layer")
-    if name in columns.figure_columns("night") and columns.COLUMNS[name].type == "number"
+    for name in names.figure_columns("layer")
+    if name in names.figure_columns("night") and names.COLUMNS[name].type == "number"
 )
 # Date of the layer if the currents have none.
 _NO_DATE = "1970-01-01T00:00:00.000Z"
@@ -176,18 +175,19 @@ def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | No
         The file can't be written, or is incomplete afterwards.
     """
     path.unlink(missing_ok=True)
-    # The best route of each case on each side comes first.
-    best = {(row["index"], row["side"]): row for row in reversed(list(routes))}
-    shown = sorted(best.values(), key=lambda row: (row["index"], row["rank"]))
-    with frames.system_errors(path):
-        frames.write_layer(path, _frame(shown), LAYER)
-        with frames.opened(path) as database:
+    best: dict[tuple[int, str], Row] = {}
+    for row in routes:  # the best first
+        best.setdefault((row["index"], row["side"]), row)
+    shown = list(best.values())
+    with layers.system_errors(path):
+        layers.write_layer(path, _frame(shown), "routes", LAYER)
+        with layers.opened(path) as database:
             stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
             database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
-            frames.check_count(database, LAYER.name, len(shown))
+            layers.check_count(database, "routes", len(shown))
 
 
-def _frame(routes: list[Row]) -> frames.GeoDataFrame:
+def _frame(routes: list[Row]) -> layers.GeoDataFrame:
     """Return rows as a GeoDataFrame in lon/lat."""
     import geopandas
 
@@ -421,14 +421,16 @@ RESULTS = (
 """The files of a cycle except `night.json`, which is written after the others are checked."""
 
 
-def item_text(cycle: str, moment: datetime, routes: pa.Table, counts: Mapping[str, int]) -> str:
+def item_text(
+    cycle: str, moment: datetime, routes: Iterable[bytes], counts: Mapping[str, int]
+) -> str:
     """Return a cycle as a static STAC item (https://stacspec.org, 1.1.0), for catalogues.
 
-    `moment` is the time of the currents or else of the night. It is written without pystac, whose
-    `Link` would turn the relative `self` into an absolute path; the tests read it with pystac.
+    `moment` is the time of the currents or else of the night; `routes` are WKB. The item is written
+    without pystac, whose `Link` would turn the relative `self` into an absolute path; the tests
+    read it with pystac.
     """
-    lines = shapely.from_wkb(routes["geometry"].to_pylist())
-    box = bounds_of(shapely.bounds(lines).tolist())
+    box = bounds_of(shapely.bounds(shapely.from_wkb(list(routes))).tolist())
     item = {
         "type": "Feature",
         "stac_version": _VERSION,
@@ -468,19 +470,21 @@ def write_files(
     """
     newest, partial = planning.newest, planning.partial
     rows = [row for case in planning.cases for row in partial.rows[case.index]]
-    counted = _counted([row for row in rows if not row["rank"]], partial)
-    cases = pa.Table.from_pylist([row for row in rows if not row["rank"]], CASE_SCHEMA)
-    routes = pa.Table.from_pylist([row for row in rows if row["rank"]], ROUTE_SCHEMA)
-    case_rows, counts = cases.to_pylist(), counted["cases_by_outcome"]
+    of_cases = [row for row in rows if not row["rank"]]
+    routes = [row for row in rows if row["rank"]]
+    counted = _counted(of_cases, partial)
+    cases = pa.Table.from_pylist(of_cases, CASE_SCHEMA)
+    case_rows = cases.to_pylist()  # with all columns, which the rows of some cases lack
     with writing(folder):
         write_table(cases, folder / CASES_FILE)
-        write_table(routes, folder / ROUTES_FILE)
+        write_table(pa.Table.from_pylist(routes, ROUTE_SCHEMA), folder / ROUTES_FILE)
         write_changes(case_rows, folder / CHANGES_FILE)
         write_history(history, case_rows, folder / HISTORY_FILE, newest)
-        write_geopackage(routes.to_pylist(), folder / GEOPACKAGE_FILE, newest.time)
+        write_geopackage(routes, folder / GEOPACKAGE_FILE, newest.time)
         page = page_text(newest, case_rows, notes, _charts(planning), planning.earlier)
         (folder / PAGE_FILE).write_text(page, encoding="utf-8")
-        item = item_text(newest.cycle, newest.time or partial.started, routes, counts)
+        moment, counts = newest.time or partial.started, counted["cases_by_outcome"]
+        item = item_text(newest.cycle, moment, [row["geometry"] for row in routes], counts)
         (folder / ITEM_FILE).write_text(item, encoding="utf-8")
     return counted
 
@@ -524,7 +528,8 @@ def check_files(folder: Path, count: int) -> None:
         cases = pq.read_table(folder / CASES_FILE, columns=["index", "routes"])
         if cases["index"].to_pylist() != list(range(count)):
             faults.append(f"{CASES_FILE} has {cases.num_rows:,} rows for {count:,} cases")
-        rows = pq.read_table(folder / ROUTES_FILE).num_rows
+        batches = pq.ParquetFile(folder / ROUTES_FILE).iter_batches()
+        rows = sum(batch.num_rows for batch in batches)
         if rows != (expected := pc.sum(cases["routes"]).as_py() or 0):
             faults.append(f"{ROUTES_FILE} has {rows:,} rows for {expected:,} routes")
         pq.read_table(folder / HISTORY_FILE, columns=["cycle"])
@@ -532,7 +537,7 @@ def check_files(folder: Path, count: int) -> None:
         with closing(sqlite3.connect(uri, uri=True)) as database:
             if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
                 faults.append(f"{GEOPACKAGE_FILE} is damaged")
-            database.execute(f'SELECT count(*) FROM "{LAYER.name}"').fetchone()  # noqa: S608 - our own name
+            database.execute("SELECT count(*) FROM routes").fetchone()
         json.loads((folder / ITEM_FILE).read_text(encoding="utf-8"))
         if "</html>" not in (folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
             faults.append(f"{PAGE_FILE} has no end")

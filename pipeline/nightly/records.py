@@ -258,20 +258,20 @@ def case_lines(output: Path, asked: str) -> Iterator[str]:
     cycles = Cycles(output)
     if not cycles.latest:
         raise RequestError(f"{output} has no finished cycle; `renew nightly run` makes one")
-    folder, found = cycles.folder(cycles.latest), 0
+    folder, count = cycles.folder(cycles.latest), 0
     for row in pq.read_table(folder / CASES_FILE, columns=list(_SHOWN)).to_pylist():
         if not matches(row["case"], asked):
             continue
-        found += 1
-        if found > _MAX_SHOWN:
+        count += 1
+        if count > _MAX_SHOWN:
             yield f"… more than {_MAX_SHOWN}; give more of the name"
             return
-        if found > 1:
+        if count > 1:
             yield ""
         for key, value in row.items():
             if value not in {None, ""}:
                 yield f"{key}: {_spelled(value)}"
-    if not found:
+    if not count:
         raise RequestError(f"no case is called {asked!r} in {cycles.latest}; see {CASES_FILE}")
 
 

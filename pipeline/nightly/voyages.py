@@ -69,7 +69,7 @@ def _answer(
     from pipeline.underway.replan import under_way_scenario
     from pipeline.underway.request import UnderWayRequest
 
-    currents = (config.here(one) if looks_like_path(one) else one for one in spec.currents)
+    currents = (config.here(name) if looks_like_path(name) else name for name in spec.currents)
     scenario, _ = under_way_scenario(
         UnderWayRequest(
             results=folder,
@@ -81,14 +81,14 @@ def _answer(
         )
     )
     ended = run(scenario, folder.absolute().parent)
-    (found,) = (one.replanned for one in ended.result.results)
-    if found is None:
+    (replanned,) = (case.replanned for case in ended.result.results)
+    if replanned is None:
         raise RequestError("; ".join(ended.failures))
     return {
-        "outcome": SAME if found.answer == "kept" else LOOK,
-        "answer": found.answer,
-        "reason": " ".join(replanned_text(found)),
-        **{name: getattr(found, name) for name in _FIGURES},
+        "outcome": SAME if replanned.answer == "kept" else LOOK,
+        "answer": replanned.answer,
+        "reason": " ".join(replanned_text(replanned)),
+        **{name: getattr(replanned, name) for name in _FIGURES},
         "results": ended.directory.name,
     }
 

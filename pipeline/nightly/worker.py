@@ -18,8 +18,8 @@ import shapely
 
 import renew
 from pipeline.errors import StageError, one_line
-from pipeline.findings.columns import figures
-from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
+from pipeline.findings.choices import ensemble_figures, flips_text, sides_text
+from pipeline.findings.names import figures
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.way_names import way_names
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
@@ -147,10 +147,10 @@ def loaded_current(path: Path) -> NightCurrent:
 
 def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
     """Load a chart or current that a task has stored; raise StageError if it can't be read."""
-    found = load_artefact(path, kind)
-    if found is None:
+    stored = load_artefact(path, kind)
+    if stored is None:
         raise StageError(f"can't read {path}; give all workers access to the same output folder")
-    return found
+    return stored
 
 
 def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
@@ -271,7 +271,7 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
         voyage = _case_of(case, chart, current)
         options = with_offing(chart.scenario, voyage, chart.accuracy_m)
         planned = plan_case(voyage, options)
-        planned = way_names(voyage.water, [planned], ()).name(planned)
+        ((planned,), *_) = way_names(voyage.water, [planned], ())
         figures = planned.measures.routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
         return [failed_row(case, one_line(error), batch.stale)]
@@ -418,7 +418,7 @@ def judged(
     """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()
     if earlier is not None and "earlier_class" in row:
-        rejected = {one.homotopy for one in planned.plan.rejected} if planned.plan else set()
+        rejected = {path.homotopy for path in planned.plan.rejected} if planned.plan else set()
         sailed = {route.homotopy for route in planned.routes}
         name = earlier.homotopy
         if name in rejected - sailed or row.get("keep_fuel") is None:

@@ -19,8 +19,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.findings.text import environment
-from pipeline.formats.palette import style_colours
-from pipeline.formats.report import assets
+from pipeline.formats import appearance
 from pipeline.scenario import catalogue
 from pipeline.serve.guard import FILES, Guard, Keys, refused
 from pipeline.serve.plans import (
@@ -57,7 +56,7 @@ _DEFINED = re.compile(r"^(?:async )?(?:function|class|const) (\w+)", re.MULTILIN
 
 REPORT_POLICY = (
     f"sandbox allow-scripts allow-popups; default-src 'none'; "
-    f"script-src '{assets.content_hash(assets.script())}'; style-src 'unsafe-inline'; "
+    f"script-src '{appearance.content_hash(appearance.script())}'; style-src 'unsafe-inline'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """The policy of a report: it may run its own script alone, in an origin of its own."""
@@ -223,9 +222,9 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
     templates = environment("pipeline.serve", "pipeline.formats.report")
     style = "\n".join(
         (
-            assets.leaflet_style(),
+            appearance.leaflet_style(),
             *(
-                templates.get_template(name).render(style_colours())
+                templates.get_template(name).render(appearance.style_colours())
                 for name in ("report.css", "explorer.css")
             ),
             (_HERE / "templates" / "plan.css").read_text("utf-8"),
@@ -235,14 +234,14 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         f"/static/{path.name}": path.read_text("utf-8")
         for path in sorted((_HERE / "scripts").glob("*.js"))
     }
-    text = assets.own_script("text")
+    text = appearance.own_script("text")
     files = {
         "/": templates.get_template("plan.html.jinja").render(
             options={option.field: option for option in ASKED}
         ),
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
-        "/static/leaflet.js": assets.leaflet(),
+        "/static/leaflet.js": appearance.leaflet(),
         # Made a module: its definitions are exported.
         "/static/text.js": f"{text}\nexport {{ {', '.join(_DEFINED.findall(text))} }};\n",
         **own,

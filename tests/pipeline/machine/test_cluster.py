@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,7 +16,8 @@ from pipeline.errors import StageError
 from pipeline.machine import cluster
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario
-from tests.pipeline.processes import QUICK, SLOW, started, wait_until
+from tests.pipeline.dask_processes import scheduler, worker
+from tests.pipeline.processes import QUICK, SLOW, wait_until
 from tests.pipeline.results import rows_of
 
 
@@ -30,24 +26,6 @@ def _short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "_ANSWER_S", 6.0)
     monkeypatch.setattr(cluster, "_WORKERS_S", 12.0)
     monkeypatch.setattr(cluster, "_HEARTBEAT_S", 1.0)
-
-
-@contextlib.contextmanager
-def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Start a scheduler; give its process and its address."""
-    file = folder / "scheduler.json"
-    command = (sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", "0")
-    with started(*command, "--no-dashboard", "--scheduler-file", str(file)) as process:
-        wait_until(lambda: process.poll() is not None or (file.exists() and file.read_text()), 60)
-        yield process, str(json.loads(file.read_text())["address"])
-
-
-@contextlib.contextmanager
-def worker(address: str) -> Iterator[subprocess.Popen[str]]:
-    """Start a worker of a scheduler."""
-    command = (sys.executable, "-m", "dask", "worker", address, "--nworkers", "1", "--nthreads")
-    with started(*command, "1", "--no-dashboard") as process:
-        yield process
 
 
 def run_text(folder: Path, text: str, address: str, limit_s: float | None = None) -> Outcome:

@@ -11,7 +11,6 @@ import shutil
 import signal
 import sqlite3
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -23,7 +22,7 @@ import pyarrow.parquet as pq
 
 from pipeline.nightly.cycles import rows_of_parts
 from tests.pipeline.nightly.nights import contents
-from tests.pipeline.processes import descendants, renew, started, wait_until
+from tests.pipeline.processes import descendants, renew, started
 
 Victim = Literal["main", "worker", "scheduler"]
 # Time within which any night ends, s.
@@ -82,41 +81,6 @@ class Reader:
         self.cycles.add(folder.name)
 
 
-@dataclass(frozen=True)
-class External:
-    """A scheduler and workers of their own, which can be killed and are started anew."""
-
-    folder: Path
-    processes: dict[str, list[subprocess.Popen[str]]]
-    address: str
-
-    @classmethod
-    @contextlib.contextmanager
-    def started(cls, folder: Path, workers: int = 2, port: int = 0) -> Iterator[External]:
-        """Start them; at any free port if it is 0."""
-        file = folder / f"scheduler-{random.getrandbits(32):x}.json"
-        dask = (sys.executable, "-m", "dask")
-        with contextlib.ExitStack() as held:
-            scheduler = held.enter_context(
-                started(
-                    *(*dask, "scheduler", "--host", "127.0.0.1", "--port", str(port)),
-                    *("--no-dashboard", "--scheduler-file", str(file)),
-                )
-            )
-            wait_until(lambda: file.exists() and file.read_text(), 120)
-            own = [
-                held.enter_context(
-                    started(
-                        *(*dask, "worker", "--scheduler-file", str(file), "--nworkers", "1"),
-                        *("--nthreads", "1", "--memory-limit", "1GiB", "--no-dashboard"),
-                    )
-                )
-                for _ in range(workers)
-            ]
-            address = str(json.loads(file.read_text())["address"])
-            yield cls(folder, {"scheduler": [scheduler], "worker": own}, address)
-
-
 def night(file: Path, output: Path, *options: str) -> tuple[str, ...]:
     """Return the command of a night."""
     return (*renew("nightly", "run"), "--config", str(file), "--output", str(output), *options)
@@ -135,15 +99,13 @@ def killed(
     output: Path,
     victim: Victim,
     after_s: float,
-    *,
-    address: str | None = None,
-    external: External | None = None,
+    *options: str,
+    scheduler: subprocess.Popen[str] | None = None,
 ) -> int:
     """Start a night and kill one of its processes some time later; return the night's exit code.
 
-    A worker is one of the night's own, a process below it; a scheduler an external one.
+    A worker is one of the night's own, a process below it; a scheduler is a process beside it.
     """
-    options = () if address is None else ("--scheduler", address)
     with started(*night(file, output, *options)) as process:
         threading.Thread(target=process.stdout.read, daemon=True).start()  # type: ignore[union-attr]
         threading.Thread(target=process.stderr.read, daemon=True).start()  # type: ignore[union-attr]
@@ -152,15 +114,11 @@ def killed(
             time.sleep(0.02)
         if victim == "main":
             process.kill()
-        elif victim == "worker":
-            pool = sorted(workers_of(process.pid))
-            if external is not None:
-                pool = sorted(workers_of(external.processes["worker"][0].pid))
-            if pool:
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(random.choice(pool), signal.SIGKILL)  # noqa: S311 - a test's choice
-        elif external is not None:
-            external.processes["scheduler"][0].kill()
+        elif scheduler is not None:
+            scheduler.kill()
+        elif pool := sorted(workers_of(process.pid)):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(random.choice(pool), signal.SIGKILL)  # noqa: S311 - a test's choice
         return process.wait(_LONG_S)
 
 

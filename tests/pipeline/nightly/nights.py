@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
+from pipeline.nightly import cycles, night
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 from tests.pipeline.synthetic_currents import dataset, sea, write
@@ -122,3 +124,16 @@ def contents(output: Path) -> dict[str, Any]:
         elif path.name != "night.json":
             held[path.name] = path.read_bytes()
     return held
+
+
+def set_clock(monkeypatch: pytest.MonkeyPatch, moment: datetime) -> None:
+    """Let this machine's clock stand at a moment, for a night."""
+
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz: object = None) -> datetime:  # type: ignore[override]
+            del tz
+            return moment
+
+    monkeypatch.setattr(night, "datetime", Clock)
+    monkeypatch.setattr(cycles, "datetime", Clock)

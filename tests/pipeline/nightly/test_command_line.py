@@ -168,16 +168,6 @@ def test_pairs_on_land_are_named_by_their_row(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_too_many_cases_are_refused(tmp_path: Path) -> None:
-    departures = 'departures = { first = "00:00Z", every = "1min", count = 9000 }'
-    rows = "".join(f"{10 + i},10,90,90,p{i}\n" for i in range(12))
-    (tmp_path / "pairs.csv").write_text(f"start_x,start_y,goal_x,goal_y,name\n{rows}")
-    cases = f'scenario = "single-gyre"\n{departures}\npairs = "pairs.csv"\n'
-    result = renew("check", "--config", write_night(tmp_path, cases))
-    assert result.exit_code == 2
-    assert "there are 108,000 (single-gyre 108,000), more than 20,000; divide" in result.stderr
-
-
 @pytest.mark.parametrize("kind", ["a FIFO", "a device"])
 def test_metrics_that_are_no_file(tmp_path: Path, kind: str) -> None:
     metrics = Path("/dev/zero") if kind == "a device" else tmp_path / "metrics.prom"
@@ -191,6 +181,7 @@ def test_metrics_that_are_no_file(tmp_path: Path, kind: str) -> None:
 def test_currents_not_there_yet_ask_to_come_again(tmp_path: Path) -> None:
     result = renew("run", "--config", region_night(tmp_path), "--output", tmp_path / "out")
     assert result.exit_code == 5
+    assert "no currents are there yet: no file matches" in result.stderr
     assert "come again" in result.stderr
     assert not (tmp_path / "out").exists()
 

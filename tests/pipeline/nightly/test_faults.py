@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from tests.pipeline.nightly.nights import (
     plane_night,
     region_night,
     rows,
+    set_clock,
     write_forecast,
 )
 from tests.pipeline.processes import started, wait_until
@@ -174,23 +176,10 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path, cluster: str) ->
 def test_a_clock_that_is_elsewhere_changes_no_result(
     tmp_path: Path, cluster: str, date: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from datetime import UTC, datetime
-
-    from pipeline.nightly import cycles, night as night_module
-
     config = load_config(plane_night(tmp_path, pairs=2), tmp_path / "now")
     cycle = run_night(config, scheduler=cluster).cycle
 
-    class Clock(datetime):
-        """A clock that stands at another date."""
-
-        @classmethod
-        def now(cls, tz: object = None) -> datetime:  # type: ignore[override]
-            del tz
-            return datetime.fromisoformat(date).replace(tzinfo=UTC)
-
-    monkeypatch.setattr(night_module, "datetime", Clock)
-    monkeypatch.setattr(cycles, "datetime", Clock)
+    set_clock(monkeypatch, datetime.fromisoformat(date).replace(tzinfo=UTC))
     other = load_config(tmp_path / "night.toml", tmp_path / "then")
     assert run_night(other, scheduler=cluster).cycle == cycle
     assert contents(tmp_path / "now") == contents(tmp_path / "then")

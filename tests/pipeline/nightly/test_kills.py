@@ -1,17 +1,20 @@
-"""A night's processes are killed at any time: the next run ends as if nothing had happened."""
+"""A night is killed or loses power at any time: the next run ends as if nothing had happened."""
 
 from __future__ import annotations
 
 import collections
 import os
 import random
+import shutil
 from datetime import timedelta
 from pathlib import Path
 
 import pytest
 
+from pipeline.nightly.config import load_config
+from pipeline.nightly.night import run_night
+from tests.pipeline import dask_processes
 from tests.pipeline.nightly.killed_nights import (
-    External,
     Reader,
     Undisturbed,
     Victim,
@@ -22,6 +25,7 @@ from tests.pipeline.nightly.killed_nights import (
 )
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
 from tests.pipeline.processes import started, wait_until
+from tests.robustness.power_cuts import Cuts, has_strace
 
 SEED = 20_261_122
 # Number of kills of the slow test: of ten, six meet the main process, three a worker, one the
@@ -49,14 +53,10 @@ def kill_and_continue(
     with Reader(output).reading() as reader:
         after_s = fraction * undisturbed.seconds
         if victim == "scheduler":
-            with External.started(folder) as external:
+            with dask_processes.cluster(folder, workers=2) as (process, address):
+                options = ("--scheduler", address)
                 code = killed(
-                    undisturbed.file,
-                    output,
-                    victim,
-                    after_s,
-                    address=external.address,
-                    external=external,
+                    undisturbed.file, output, victim, after_s, *options, scheduler=process
                 )
         else:
             code = killed(undisturbed.file, output, victim, after_s)
@@ -83,18 +83,18 @@ def test_a_scheduler_that_dies_and_returns(second_night: Undisturbed, tmp_path: 
     """The night ends with a plain reason; started again at the same address, it goes on."""
     output = second_night.again()
     with Reader(output).reading() as reader:
-        with External.started(tmp_path) as external:
-            address = external.address
+        with dask_processes.cluster(tmp_path, workers=2) as (scheduler, address):
             command = night(second_night.file, output, "--scheduler", address)
             with started(*command) as process:
                 wait_until(lambda: list(output.glob("*.partial/parts/*.part")))
-                external.processes["scheduler"][0].kill()
+                scheduler.kill()
                 _, errors = process.communicate(timeout=300)
             assert process.returncode == 1
             assert "no longer answers; all that was done is kept" in errors
             assert list(output.glob("*.partial"))
-        with External.started(tmp_path, port=int(address.rpartition(":")[2])) as external:
-            assert external.address == address
+        port = int(address.rpartition(":")[2])
+        with dask_processes.cluster(tmp_path, workers=2, port=port) as (_, same_address):
+            assert same_address == address
             run_to_the_end(second_night.file, output, "--scheduler", address)
     assert reader.faults == []
     assert len(reader.cycles) == 2
@@ -116,3 +116,25 @@ def test_many_killed_nights_continue(second_night: Undisturbed, tmp_path: Path) 
         met[ended] += 1
         print(f"kill {i + 1} of {KILLS}: {ended}", flush=True)  # noqa: T201 - hours go by
     assert faults == [], dict(met)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not has_strace(), reason="needs strace, and the right to use it")
+def test_a_power_cut_in_a_night(tmp_path: Path, cluster: str) -> None:
+    file, output = region_night(tmp_path, departures=2, workers=1), tmp_path / "out"
+    forecast = tmp_path / "currents" / "m1.nc"
+    write_forecast(forecast, REFERENCE - timedelta(days=1))
+    run_night(load_config(file, output), scheduler=cluster)
+    write_forecast(forecast, seed=7)
+    shutil.copytree(output, tmp_path / "undisturbed", symlinks=True)
+    run_night(load_config(file, tmp_path / "undisturbed"), scheduler=cluster)
+    expected = contents(tmp_path / "undisturbed")
+    cuts = Cuts(tmp_path, output, "latest", [*night(file, output)])
+
+    def again() -> None:
+        run_night(load_config(file, output), scheduler=cluster)
+        assert contents(output) == expected
+        assert leftovers(output) == []
+
+    count = cuts.start_again(again)
+    print(f"night: {cuts.summary}, {count} starts")  # noqa: T201

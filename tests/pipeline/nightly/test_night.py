@@ -6,10 +6,11 @@ import csv
 import json
 import shutil
 import sqlite3
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import geopandas
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pystac
 import pytest
@@ -22,7 +23,7 @@ from pipeline.nightly.currents import ComeAgainError
 from pipeline.nightly.cycles import Partial, Row, rows_of_parts
 from pipeline.nightly.night import run_night
 from pipeline.nightly.publishing import check_files
-from pipeline.nightly.records import case_lines, status_lines
+from pipeline.nightly.records import case_lines, earlier_routes, status_lines
 from pipeline.scenario.loading import load_scenario
 from tests.pipeline.nightly.nights import (
     REFERENCE,
@@ -173,12 +174,6 @@ def test_the_item_is_valid_by_the_schemas_that_pystac_carries(finished: Path) ->
         assert (finished / "latest" / asset.href).is_file()
 
 
-def test_currents_that_are_not_there_yet(tmp_path: Path, cluster: str) -> None:
-    with pytest.raises(ComeAgainError, match=r"no currents are there yet: no file matches"):
-        run_night(load_config(region_night(tmp_path), tmp_path / "out"), scheduler=cluster)
-    assert not (tmp_path / "out").exists()
-
-
 def test_half_a_forecast_is_planned_as_far_as_it_goes(tmp_path: Path, cluster: str) -> None:
     write_forecast(tmp_path / "currents" / "m1.nc", steps=3)
     file = region_night(tmp_path, departures=4)
@@ -243,15 +238,6 @@ def test_a_case_alone_has_an_output_of_its_own(tmp_path: Path, cluster: str) -> 
         run_night(config, only="quick/still/p9", scheduler=cluster)
 
 
-def test_what_is_left_between_the_last_two_renames(tmp_path: Path, cluster: str) -> None:
-    config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
-    cycle = run_night(config, scheduler=cluster).cycle
-    (tmp_path / "out" / "latest").unlink()
-    again = run_night(config, scheduler=cluster)
-    assert (again.cycle, again.exit_code) == (cycle, 0)
-    assert (tmp_path / "out" / "latest").resolve().name == cycle
-
-
 def test_status_and_show(tmp_path: Path, finished: Path) -> None:
     output = tmp_path / "out"
     with pytest.raises(RequestError, match="no finished cycle"):
@@ -282,29 +268,26 @@ def test_the_file_of_a_night_says_when_it_was_made(finished: Path) -> None:
     assert said["begun"] <= said["finished"]
 
 
-@pytest.mark.parametrize("says_reference", [True, False])
-def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) -> None:
-    from pipeline.nightly.cases import expand
-    from pipeline.nightly.currents import newest_currents
-
-    file = region_night(tmp_path)
-    write_forecast(tmp_path / "currents" / "m1.nc", says_reference=says_reference)
-    write_forecast(
-        tmp_path / "currents" / "m2.nc",
-        REFERENCE - timedelta(hours=12),
-        says_reference=says_reference,
-    )
-    found = newest_currents(expand(load_config(file, tmp_path)), datetime.now(UTC))
-    if says_reference:
-        assert found.cycle == "2026-11-21T00Z"
-    else:
-        assert found.cycle.startswith("2026-11-23T00Z-")
-    assert found.departures_from == REFERENCE
-
-
 def test_write_night_is_refused_with_file_and_line(tmp_path: Path) -> None:
     file = write_night(tmp_path, 'scenario = "single-gyre"\nevery = 1\n', keep=0)
     with pytest.raises(RequestError) as caught:
         load_config(file)
     assert caught.value.faults[0].startswith("night.toml, line 1: keep = 0 is below 1")
     assert caught.value.faults[1].startswith("night.toml, line 4: unknown key cases[0].every")
+
+
+def test_a_table_of_an_earlier_version_without_islands_is_read(tmp_path: Path) -> None:
+    row = {
+        "case": "quick/still",
+        "status": "planned",
+        "side": "west of Palawan",
+        "class": "p1",
+        "fuel": 3.0,
+        "arrival": None,
+        "geometry": shapely.to_wkb(shapely.LineString([(0, 0), (1, 2)])),
+    }
+    pq.write_table(pa.Table.from_pylist([row]), tmp_path / "cases.parquet")
+    routes = earlier_routes("2026-11-20T00Z", tmp_path / "cases.parquet")
+    assert list(routes) == ["quick/still"]
+    assert routes["quick/still"].columns()["earlier_side"] == "west of Palawan"
+    assert routes["quick/still"].island == ""

@@ -89,13 +89,6 @@ def test_without_an_earlier_success_none_is_made_up(tmp_path: Path, damaged: byt
     assert ("forecast_reference_timestamp_seconds", ()) not in found
 
 
-def test_any_text_can_be_a_label(tmp_path: Path) -> None:
-    path = tmp_path / "renew.prom"
-    odd = 'a "b" \\ c\nd {e="f"} 1'
-    write_metrics(path, replace(NIGHT, cases_by_outcome={odd: 3}))
-    assert read(path.read_text("utf-8"))["cases", (odd,)] == 3
-
-
 def test_a_reader_never_sees_half_a_file(tmp_path: Path) -> None:
     path = tmp_path / "renew.prom"
     many = {f"outcome-{number}": number for number in range(2000)}
