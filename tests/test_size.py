@@ -29,7 +29,7 @@ ROOMS = {
     "pipeline/sources": (8_229, 39),
     "pipeline/stages": (4_649, 19),
     "pipeline/underway": (370, 2),
-    "pipeline/voyage": (1_381, 3),
+    "pipeline/voyage": (1_382, 3),
     "renew/bounds": (1_586, 8),
     "renew/classes": (2_299, 14),
     "renew/inputs": (2_046, 23),
@@ -44,7 +44,7 @@ ROOMS = {
 }
 MOST_FILES = 208
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (55, 555)}
+WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (55, 552)}
 
 
 def modules(room: str) -> dict[Path, str]:
