@@ -31,6 +31,12 @@ _STEP = 1.5e-8
 """Of differences: about the square root of a float's precision."""
 
 
+def with_and_against(points: FloatArray) -> FloatArray:
+    """Velocity (..., 2): 0.4 m/s with the vessel for a metre, then as much against it."""
+    u = np.where(points[..., 0] < 1, 0.4, -0.4)
+    return np.stack([u, np.zeros_like(u)], axis=-1)
+
+
 def leg_times(
     path: FloatArray,
     speeds: FloatArray,

@@ -104,9 +104,5 @@ def figures(metrics: "RouteMetrics", file: str) -> dict[str, Any]:
 def used(columns: Iterable[str], rows: Iterable[Mapping[str, Any]]) -> list[str]:
     """Return columns without the optional ones that are empty in all rows."""
     filled = {name for row in rows for name, value in row.items() if value not in {None, ""}}
-    return [name for name in columns if name in filled or not _is_optional(name)]
-
-
-def _is_optional(name: str) -> bool:
-    """Whether a column may be left out."""
-    return name in COLUMNS and COLUMNS[name].optional
+    optional = {name for name, column in COLUMNS.items() if column.optional}
+    return [name for name in columns if name in filled or name not in optional]

@@ -1,4 +1,4 @@
-"""The finished run and its cases, as all formats read them, and what is not known about them."""
+"""A finished run and its cases, as all formats read them, and notes on what is not known."""
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -37,7 +37,7 @@ def has_all_depths(metrics: model.RouteMetrics) -> bool:
 
 
 def route_notes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
-    """Note how much of a case's routes lacks depths, and how much lacks data of the current."""
+    """Note for how much of a case's routes depths, or data of the current, are lacking."""
     notes = []
     for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
         every = ((row.rank, getattr(row, name)) for row in rows)

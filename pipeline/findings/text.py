@@ -232,27 +232,24 @@ def gap_text(shares: GapShares, no_go: str) -> str:
     )
 
 
-def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Moment], str]:
-    """Return how to spell the planner's moments: as dates, or in seconds without a departure.
-
-    One second of the planner is `stretch` true seconds.
-    """
-    if departure is None:
-        return in_seconds
-    return lambda moment: exact_moment_text(
-        departure + timedelta(seconds=round(stretch * moment.seconds))
-    )
-
-
 def planner_text(text: Text, case: Case, stretch: float = 1.0) -> str:
-    """Write a message of the planner with positions, dates and true lengths for readers."""
-    moments, scale = moments_of(case.departure, stretch), case.projection.scale
+    """Write a message of the planner with positions, dates and true lengths for readers.
+
+    One second of the planner is `stretch` true seconds. Moments of a case without a departure stay
+    in seconds.
+    """
+    departure, scale = case.departure, case.projection.scale
+
+    def dated(moment: Moment) -> str:
+        if departure is None:
+            return in_seconds(moment)
+        return exact_moment_text(departure + timedelta(seconds=round(stretch * moment.seconds)))
 
     def lasting(one: Duration) -> str:
         return str(Duration(one.seconds * largest_stretch(case)))
 
     words = text.spelled(
-        case.water.place_text, moments, lambda one: distance(scale * one.metres), lasting
+        case.water.place_text, dated, lambda one: distance(scale * one.metres), lasting
     )
     return " ".join(words.split())
 

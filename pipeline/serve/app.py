@@ -35,9 +35,9 @@ from pipeline.serve.plans import (
 from pipeline.voyage.readers import read_position
 
 HOST = "127.0.0.1"
-"""The one address that the server listens at: nobody else's machine reaches it."""
+"""The only address that the server listens at; other machines can't reach it."""
 USUAL_PORT = 8137
-"""The port where none is asked for, if it is free."""
+"""The default port, if it is free."""
 # Folder, inside the output folder, of the files that the page is given.
 _GIVEN = ".given"
 # Connections at a time: a browser opens six. For another, the oldest without a request is closed.
@@ -106,14 +106,14 @@ class _Connection(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take a part of a request; the head of the next one has its own time."""
+        """Take a part of a request; the time limit for the head of the next request starts anew."""
         super().data_received(data)
         if not self.is_idle() or self._head.when() < self.loop.time():
             self._head.cancel()
             self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
 
     def is_idle(self) -> bool:
-        """Whether there is no request whose answer is not complete."""
+        """Whether every request has been answered."""
         return self.cycle is None or self.cycle.response_complete  # type: ignore[redundant-expr]
 
     def end_if_idle(self) -> None:
@@ -207,7 +207,7 @@ _STATUS: dict[type[PipelineError], int] = {
 
 
 def _add_pages(app: FastAPI) -> None:
-    """Serve the page, its scripts and styles, and the description of all that was added before."""
+    """Serve the page with its scripts and styles, and a description of the interface."""
 
     def answer(content: bytes, kind: str) -> Callable[[], Response]:
         return lambda: Response(content, media_type=kind)
@@ -218,7 +218,7 @@ def _add_pages(app: FastAPI) -> None:
 
 
 def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
-    """Return the content of each path of the page, and of that of an interface in OpenAPI."""
+    """Return the contents of the page's paths; `/api` describes an interface in OpenAPI."""
     templates = environment("pipeline.serve", "pipeline.formats.report")
     style = "\n".join(
         (
@@ -270,7 +270,7 @@ def _add_names(app: FastAPI) -> None:
 
     @app.get("/api/position")
     def position(text: Annotated[str, Query(max_length=200)]) -> dict[str, Any]:
-        """Where a position is that was typed as for `renew go`, degrees."""
+        """Longitude and latitude, degrees, of a position that is typed as for `renew go`."""
         try:
             place = read_position(text)
         except ValueError as error:
@@ -296,7 +296,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
     async def add(request: PlanRequest) -> dict[str, Any]:
         """Plan a voyage; the answer has the `id` by which to ask how it goes."""
         options = await asyncio.to_thread(request.options, files)
-        return told(plans, plans.add(request, options))
+        return state_of(plans, plans.add(request, options))
 
     @app.post("/api/prepare", status_code=204)
     async def prepare(request: PlanRequest) -> None:
@@ -315,7 +315,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
     async def state(identity: _Identity) -> dict[str, Any] | Response:
         """How a plan goes: its state, the ways found so far, and its sides when they are known."""
         plan = plans.get(identity)
-        return _unknown() if plan is None else told(plans, plan)
+        return _unknown() if plan is None else state_of(plans, plan)
 
     @app.delete("/api/plan/{identity}", response_model=None)
     async def cancel(identity: _Identity) -> dict[str, Any] | Response:
@@ -324,7 +324,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
         if plan is None:
             return _unknown()
         plans.cancel(plan)
-        return told(plans, plan)
+        return state_of(plans, plan)
 
 
 def _unknown() -> Response:
@@ -343,7 +343,7 @@ def _brief(plan: AskedPlan) -> dict[str, Any]:
     }
 
 
-def told(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
+def state_of(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
     """Return how a plan goes, and its results."""
     return {
         **_brief(plan),
@@ -396,7 +396,7 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
 
 
 def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
-    """Return the files of a plan, or one of them; none if any is gone."""
+    """Return the files of a plan, or the one with a name; an empty list if one is missing."""
     plan = plans.get(identity)
     if plan is None or plan.directory is None:
         return []

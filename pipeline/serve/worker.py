@@ -55,7 +55,7 @@ _DECIMALS = 5
 
 
 class ServingWorker(Worker):
-    """A process that plans, within some bytes of memory; seen from the server."""
+    """A process that plans within a limit of memory, as the server sees it."""
 
     def __init__(self, memory_bytes: int) -> None:
         super().__init__(data_bytes=memory_bytes)

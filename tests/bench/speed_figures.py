@@ -15,7 +15,13 @@ from renew._types import FloatArray
 from renew.inputs.options import Drift
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import moving_scene
-from tests.speed_oracles import CostModel, improved, least_fuel, least_fuel_in_table
+from tests.speed_oracles import (
+    CostModel,
+    improved,
+    least_fuel,
+    least_fuel_in_table,
+    with_and_against,
+)
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
 OPEN_WATERS = range(6)
@@ -50,11 +56,6 @@ def figures() -> Iterator[Figure]:
     yield from _hardly_changing()
 
 
-def _with_and_against(points: FloatArray) -> FloatArray:
-    u = np.where(points[..., 0] < 1, 0.4, -0.4)
-    return np.stack([u, np.zeros_like(u)], axis=-1)
-
-
 def _exact() -> Iterator[Figure]:
     """Cases with an exact least fuel, or speed."""
     chart = renew.Chart(box(-1, -1, 3, 1))
@@ -62,7 +63,7 @@ def _exact() -> Iterator[Figure]:
         vessel = replace(PAPER_VESSEL, turn_rate=1e3, fuel_exponent=exponent)
         best = renew.plan(
             chart,
-            _with_and_against,
+            with_and_against,
             vessel,
             (0, 0),
             (2, 0),

@@ -27,7 +27,7 @@ from pipeline.model import Case
 Curve = Literal["Loxodrome", "Orthodrome"]
 """A leg's geometry in RTZ's terms: constant course, or shortest distance."""
 
-# Decimals of degrees in the files, a millimetre: legs are checked at the positions written.
+# Decimals of degrees in the files, about a millimetre. Legs are checked at these rounded positions.
 DECIMALS = 8
 # Latitude (degrees) above which legs are orthodromes: IEC 61174 warns that systems draw loxodromes
 # differently there.

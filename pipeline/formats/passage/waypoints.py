@@ -1,4 +1,4 @@
-"""A route as a navigator uses it: few waypoints, each leg's course, speed and limits; and texts."""
+"""A route for a navigator: few waypoints, with course, speed and limits of each leg, and texts."""
 
 import itertools
 import re
@@ -267,7 +267,7 @@ _TURN = np.array([360.0, 0.0])
 
 
 def document_title(case: RunCase) -> str:
-    """Return the title of a case's file: the scenario's and the case's, and a stand-in."""
+    """Return the title of a case's file, with the period of a current that stands in."""
     scenario, period = case.scenario, case.period_text
     used = f", in the current of {period}" if case.is_stand_in and period else ""
     return f"{scenario.title or scenario.name}: {case.title}{used}"

@@ -252,10 +252,10 @@ _MAX_VERTICES = 900
 def case_section(case: RunCase) -> dict[str, Any]:
     """Gather what the templates show of a case; `rows` are empty if `failure` gives a reason.
 
-    `passage` is departure and arrival of the best route, empty if no departure is given; `said`
-    tells why to take this route. `thumbnail` and `picture` are static maps; `profile` is a plot of
-    the best route. `choices` are when to leave and how fast to go, if that was to be
-    chosen; `speeds` are then the best route's lowest and highest, m/s.
+    `passage` is departure and arrival of the best route, empty if no departure is given. `said`
+    tells why to take this route; `padding` is a sentence on its tightest place, and `profile` a
+    plot of it. `thumbnail` and `picture` are static maps. `choices` are when to leave and how fast
+    to go, if that was to be chosen; `speeds` are then the best route's lowest and highest, m/s.
     """
     result, ranked = case.run, case.routes
     title, anchor = case.title, f"season-{case.number + 1}"
@@ -284,6 +284,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
             "label": label,
         },
         "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
+        "padding": tightest_text(ranked[0]) if ranked else "",
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
         "choices": list(_choices(case, found)),
@@ -402,8 +403,8 @@ def _rejected(case: RunCase) -> list[dict[str, Any]]:
 
 
 def _remarks(best: RankedRoute) -> tuple[str, ...]:
-    """Return remarks on the best route: its padding, its start and goal, and areas it passes."""
-    remarks = [tightest] if (tightest := tightest_text(best)) else []
+    """Return warnings about the best route: its start and goal, and areas that it passes."""
+    remarks = []
     ends = [
         name
         for name, inside in (

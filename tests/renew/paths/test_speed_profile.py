@@ -24,17 +24,11 @@ from renew.paths.speed_profile import (
 )
 from renew.voyage.voyage import Voyage, Waters
 from tests.moving_waters import moving_scene
-from tests.speed_oracles import CostModel, least_fuel
+from tests.speed_oracles import CostModel, least_fuel, with_and_against
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent
 
 DRIFTS = ("projected", "crab")
 CHART = renew.Chart(box(-1, -1, 101, 101))
-
-
-def _with_and_against(points: FloatArray) -> FloatArray:
-    """With 0.4 m/s for a metre, then against as much."""
-    u = np.where(points[..., 0] < 1, 0.4, -0.4)
-    return np.stack([u, np.zeros_like(u)], axis=-1)
 
 
 def _voyage(
@@ -56,11 +50,11 @@ def _voyage(
     ("exponent", "fuel", "speeds"),
     [(2.0, 2.155556, (0.5, 1.3)), (3.0, 2.366361, (0.733587, 1.146232))],
 )
-def test_two_metres_with_and_against(
+def test_two_metreswith_and_against(
     exponent: float, fuel: float, speeds: tuple[float, float], drift: Drift
 ) -> None:
     path = np.array([[0.0, 0.0], [2.0, 0.0]])
-    voyage = _voyage(path, _with_and_against, 2 / 0.9, exponent=exponent, drift=drift)
+    voyage = _voyage(path, with_and_against, 2 / 0.9, exponent=exponent, drift=drift)
     found = speed_profile(path, voyage)
     assert found.fuel == pytest.approx(fuel, rel=1e-5)
     assert found.speeds == pytest.approx(speeds, rel=1e-4)

@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import shapely
-from shapely import Point, Polygon, box
+from shapely import Point, box
 
 import renew
 from renew.classes import class_enumerator, roadmap
@@ -18,7 +18,7 @@ from renew.errors import ClassName
 from renew.planner import classes
 from renew.planner.problem import Problem
 from tests.bounded_scenes import bounded_scene
-from tests.strategies import PAPER_VESSEL, STILL, single_gyre, voyage_on
+from tests.strategies import PAPER_VESSEL, STILL, chart_of, single_gyre, voyage_on
 
 # A strait of 6 m between two walls; the way round leads past the end of one of them.
 NARROW = [box(0, 45, 47, 55), box(53, 45, 90, 55)]
@@ -61,10 +61,6 @@ def test_classes_blocked_by_the_padding_of_others_are_planned_for_themselves() -
 
 # A strait of 6 m between two walls is the only way.
 BLOCKED = [box(0, 45, 47, 55), box(53, 45, 100, 55)]
-
-
-def chart_of(islands: list[Polygon]) -> renew.Chart:
-    return renew.Chart(box(0, 0, 100, 100), islands)
 
 
 def test_where_a_fixed_padding_blocks_all_the_adaptive_one_is_suggested_first() -> None:

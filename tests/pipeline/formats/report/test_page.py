@@ -134,7 +134,7 @@ def test_the_best_routes_profile_is_plotted_and_its_padding_told(
         [profile] = [a for a in labels if a.startswith(f"Along the best route of {season}:")]
         assert f"fuel up to {texts.number(best.fuel)}" in profile
         assert f"at least {texts.clearance(best.clearance_m)}" in profile
-    told = [one for one in page.with_class("remark") if "Padding at the tightest" in one.text]
+    told = [one for one in page.all("p") if "Padding at the tightest" in one.text]
     assert len(told) == 2
 
 
