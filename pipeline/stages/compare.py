@@ -12,11 +12,10 @@ import shapely
 
 import renew
 from pipeline.errors import LateFaults
-from pipeline.findings.choices import replanned_notes, speed_notes
-from pipeline.findings.ensembles import ensemble_notes
+from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.result import RunResult, addressed, unsafe_notes
-from pipeline.findings.way_names import WayNames, way_names
+from pipeline.findings.way_names import way_names
 from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
@@ -42,9 +41,9 @@ def compare(
     scenario, fetched, simplified = chosen.scenario, chosen.data.fetched, land.value
     inputs, water = (planned.key, chosen.cases.key), chosen.cases.value[0].water
     find_names = partial(way_names, water, planned.value, fetched.land.places)
-    names = late.attempt("naming the ways", find_names, WayNames({}))
+    nameless = tuple(planned.value), (), ()
+    results, islands, class_islands = late.attempt("naming the ways", find_names, nameless)
     cases = {case.name: case for case in chosen.cases.value}
-    results = tuple(map(names.name, planned.value))
     pairs = [(cases[one.name], one) for one in results if one.name in cases]
     stops = planar_stops(scenario, water)
     found = partial(shut_straits, pairs, stops, simplified, scenario.planner)
@@ -59,8 +58,8 @@ def compare(
         results,
         {},
         datetime.now(UTC),
-        names.islands,
-        names.class_islands,
+        islands,
+        class_islands,
         straits=straits,
         departures=chosen.choices,
     )
