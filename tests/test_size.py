@@ -23,7 +23,7 @@ ROOMS = {
     "pipeline/geo": (801, 4),
     "pipeline/machine": (1_627, 10),
     "pipeline/model": (1_382, 35),
-    "pipeline/nightly": (3_623, 28),
+    "pipeline/nightly": (3_620, 28),
     "pipeline/scenario": (2_543, 36),
     "pipeline/serve": (1_476, 9),
     "pipeline/sources": (8_229, 39),
