@@ -93,10 +93,18 @@ class Request:
         except ParameterError as error:
             faults.append(str(error))
         faults += _time_faults(departure, arrive_by)
-        faults += _method_faults(given["method"], {"arrive_by": arrive_by, "speed": speed})
+        if is_one_of(given["method"], ("sampled",)):
+            faults += [
+                f"{name} needs method = 'optimal', not 'sampled'"
+                for name, value in (("arrive_by", arrive_by), ("speed", speed))
+                if value is not None
+            ]
         faults += [*_speed_faults(speed), *more_faults]
-        if len(points):
-            faults += _via_faults(given["method"], given["order"])
+        faults += [
+            f"via points need {name} = {needed!r}, not {shown(given[name])}"
+            for name, needed in (("method", "optimal"), ("order", "fuel"))
+            if len(points) and not is_one_of(given[name], (needed,))
+        ]
         if faults or options is None:
             raise ParameterError("; ".join(faults))
         never_open, tidal_areas = (depth.never_open, depth.tidal_areas) if depth else ((), ())
@@ -165,24 +173,6 @@ def _time_faults(departure: object, arrive_by: object) -> list[str]:
             f"arrive_by = {shown(arrive_by)} s must be finite and after departure = {departure!r} s"
         ]
     return []
-
-
-def _method_faults(method: object, needing: Mapping[str, object]) -> list[str]:
-    """Faults of a method with which some of the arguments that are given can't be planned."""
-    return [
-        f"{name} needs method = 'optimal', not 'sampled'"
-        for name, value in needing.items()
-        if value is not None and is_one_of(method, ("sampled",))
-    ]
-
-
-def _via_faults(method: object, order: object) -> list[str]:
-    """Faults of a method, and of an order of classes, with via points."""
-    return [
-        f"via points need {name} = {needed!r}, not {shown(value)}"
-        for name, value, needed in (("method", method, "optimal"), ("order", order, "fuel"))
-        if not is_one_of(value, (needed,))
-    ]
 
 
 def _speed_faults(speed: object) -> list[str]:

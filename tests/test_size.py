@@ -15,7 +15,7 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_419, 27),
+    "renew": (1_409, 27),
     "pipeline": (1_106, 12),
     "pipeline/cli": (2_409, 6),
     "pipeline/findings": (3_315, 15),
@@ -23,7 +23,7 @@ ROOMS = {
     "pipeline/geo": (801, 4),
     "pipeline/machine": (1_628, 10),
     "pipeline/model": (1_382, 35),
-    "pipeline/nightly": (3_623, 28),
+    "pipeline/nightly": (3_620, 28),
     "pipeline/scenario": (2_543, 36),
     "pipeline/serve": (1_476, 9),
     "pipeline/sources": (8_229, 39),
@@ -31,14 +31,14 @@ ROOMS = {
     "pipeline/underway": (370, 2),
     "pipeline/voyage": (1_382, 3),
     "renew/bounds": (1_586, 8),
-    "renew/classes": (2_313, 14),
+    "renew/classes": (2_314, 14),
     "renew/inputs": (2_046, 23),
     "renew/kernels": (1_773, 15),
     "renew/paths": (1_801, 10),
     "renew/planner": (2_200, 8),
     "renew/steering": (889, 1),
     "renew/turns": (1_551, 13),
-    "renew/underway": (1_933, 12),
+    "renew/underway": (1_934, 12),
     "renew/vary": (1_834, 9),
     "renew/voyage": (750, 5),
 }

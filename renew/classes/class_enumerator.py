@@ -265,8 +265,9 @@ class ClassEnumerator:
     def _combined(
         self, count: int, channels_of: "Callable[[int, ClassEnumerator], list[Channel]]"
     ) -> list[Channel]:
-        """Return the `count` best combinations; each part departs at the earliest arrival.
+        """Return the `count` best combinations of channels, one from each part.
 
+        Each part departs at the earliest arrival of the part before it.
         `channels_of` gives the channels of a part by its number and its enumerator.
         """
         combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]

@@ -222,7 +222,7 @@ def replan(
     at, moved = _in_water(as_point("at", at), asked.chart, asked.vessel.turning_radius)
     route = previous.best
     place = _abeam(route, at, asked)
-    request = _task_ahead(asked, route, place, at, float(time), current)
+    request = _request_ahead(asked, route, place, at, float(time), current)
     begun, rate = float(route.times[0]), asked.vessel.fuel_rate
     known = rate * (time - begun) if burnt is None else float(burnt)
     voyage = planner_of(request).problem.voyage
@@ -340,7 +340,7 @@ def _abeam(route: Route, at: FloatArray, asked: Request) -> Abeam:
     return place._replace(due=float(voyage.arrivals(leg)[-1]))
 
 
-def _task_ahead(
+def _request_ahead(
     asked: Request,
     route: Route,
     place: Abeam,

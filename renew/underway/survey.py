@@ -303,7 +303,7 @@ class Survey:
         return np.vstack([ends[0], inside, ends[1]])
 
     def off(self, time: float) -> float:
-        """Return by how much (s) a vessel may be early or late for its ways; 0 if steady."""
+        """Return `late`; 0 in a steady current, where it does not matter when a way begins."""
         return 0.0 if self.request.current.is_steady else self.late(time)
 
     def late(self, time: float) -> float:
@@ -446,7 +446,7 @@ class Survey:
         return self._longest(way.haven, path, voyage, self._hours(rows, voyage))
 
     def _hours(self, rows: FloatArray, voyage: Voyage) -> tuple[float, float]:
-        """Return hours at the begin of a stretch (n, 3) that hold all vessels in time on it."""
+        """Return the first and last time (s) at which a vessel in time begins a stretch (n, 3)."""
         times, path = rows[:, 0], rows[:, 1:]
         off = np.array([self.off(time) for time in times.tolist()])
         wide = float(off.max())
@@ -468,7 +468,7 @@ class Survey:
     def excess(self, way: Diversion, within: float, time: float | None = None) -> float:
         """Return by how much (s) a way takes more than `within` (s), or than the endurance leaves.
 
-        It is taken from its own place, or from that passed at an earlier time (s).
+        The way begins at its own place, or at the place that is passed at an earlier time (s).
         """
         time = way.time if time is None else time
         # A late vessel has burnt more: all that arrive by the latest arrival keep the endurance.
@@ -480,9 +480,9 @@ class Survey:
         return min(within, self.endurance - (time - self.begin))
 
     def _raise_with_clock(self) -> None:
-        """Raise the bounds by those from places of the route, which know the hours.
+        """Raise the bounds: compute them again from places of the route, with the clock running.
 
-        In a current that changes they are closer than the bounds from the havens.
+        In a current that changes these are closer than the bounds from the havens.
         """
         at, last = 0, len(self.times) - 1
         while at < last:
@@ -536,7 +536,7 @@ class Survey:
                 yield from self._with_fewer_ways(list(self._settled(a, b)))
 
     def _with_fewer_ways(self, stretches: Sequence[Stretch]) -> Iterator[Stretch]:
-        """Yield stretches between two stations, the last first, by as few of their ways as do."""
+        """Yield stretches between two stations, the last first, with as few ways as possible."""
         way: Diversion | None = None
         for stretch in stretches:
             if (
@@ -593,9 +593,10 @@ class Survey:
         return ways
 
     def planned(self, number: int, sample: int, *, is_thorough: bool = True) -> Diversion | None:
-        """Return the way to a haven from a sample, near a known one if that is good enough.
+        """Return the way to a haven from a sample; None if none is found.
 
-        If not `is_thorough`, one near a known one is good enough.
+        It is first planned near a known way. If it is then not within the limits, a thorough search
+        plans it in all classes, too.
         """
         time = float(self.times[sample])
         near = self._nearest(number, time, self.step * _STATIONS)

@@ -239,10 +239,10 @@ def surely_dearer(
     sure: float,
     seed: int,
 ) -> BoolArray:
-    """Whether each class (k,) is dearer than the `best` one, beyond the chance of the members.
+    """Whether each class (k,) is dearer than the `best` one by more than chance.
 
-    That is so if an interval that holds the share `sure` of the bootstrap's differences lies
-    above 0.
+    Chance is which members the ensemble happens to have: an interval that holds the share `sure` of
+    the bootstrap's differences has to lie above 0.
     """
     rng = np.random.default_rng(seed)
     count = len(weights) - 1

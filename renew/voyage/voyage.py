@@ -344,18 +344,18 @@ def cut_at(
 
     Where the path passes a point again as closely, within `close` m, the first time counts.
     """
-    pieces, missed, rest = list[FloatArray](), list[float](), path
+    pieces, missed, ahead = list[FloatArray](), list[float](), path
     for point in points:
-        distance = segment_distance(point, rest[:-1], rest[1:])
+        distance = segment_distance(point, ahead[:-1], ahead[1:])
         first = int(np.argmax(distance <= distance.min() + close))
         behind = np.flatnonzero(distance[first:] > distance.min() + close)
         last = first + int(behind[0]) if len(behind) else len(distance)
         leg = first + int(distance[first:last].argmin())
-        ahead = leg + 2 if (rest[leg + 1] == point).all() else leg + 1
-        pieces.append(np.vstack([rest[: leg + 1], point]))
+        following = leg + 2 if (ahead[leg + 1] == point).all() else leg + 1
+        pieces.append(np.vstack([ahead[: leg + 1], point]))
         missed.append(float(distance[leg]))
-        rest = np.vstack([point, rest[ahead:]])
-    return [*pieces, rest], np.array(missed)
+        ahead = np.vstack([point, ahead[following:]])
+    return [*pieces, ahead], np.array(missed)
 
 
 def early_and_late(
