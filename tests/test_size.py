@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_106, 12),
     "pipeline/cli": (2_409, 6),
     "pipeline/findings": (3_315, 15),
-    "pipeline/formats": (7_738, 15),
+    "pipeline/formats": (7_821, 15),
     "pipeline/geo": (801, 4),
     "pipeline/machine": (1_628, 10),
     "pipeline/model": (1_382, 35),

@@ -293,10 +293,15 @@ def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
     return {"clearance": distance_text(closest[1]), "nearest_land": where}
 
 
+def tightest_place(ranked: RankedRoute) -> renew.Tightest | None:
+    """Return the place where turns have the least room; None without padding."""
+    case, seed = ranked.case.case, ranked.case.scenario.planner.seed
+    return renew.tightest(ranked.route, case.current, case.vessel, seed=seed)
+
+
 def tightest_text(ranked: RankedRoute) -> str:
     """Say how wide the padding is where the route is closest to it; empty without padding."""
-    case = ranked.case.case
-    tightest = renew.tightest(ranked.route, case.current, case.vessel)
+    case, tightest = ranked.case.case, tightest_place(ranked)
     if tightest is None:
         return ""
     where = case.water.place_text(tightest.point)

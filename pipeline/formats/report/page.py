@@ -27,6 +27,7 @@ from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limit
 from pipeline.formats.figures.plots import (
     departure_figure,
     fan_figure,
+    padding_figure,
     profile_figure,
     trade_off_figure,
 )
@@ -40,7 +41,7 @@ from pipeline.formats.report.map_data import (
     within,
 )
 from pipeline.formats.report.sentences import CaseFacts
-from pipeline.formats.tables import haven_facts, haven_texts, tightest_text
+from pipeline.formats.tables import haven_facts, haven_texts, tightest_place, tightest_text
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
 from renew import Rejected
@@ -253,9 +254,10 @@ def case_section(case: RunCase) -> dict[str, Any]:
     """Gather what the templates show of a case; `rows` are empty if `failure` gives a reason.
 
     `passage` is departure and arrival of the best route, empty if no departure is given. `said`
-    tells why to take this route; `padding` is a sentence on its tightest place, and `profile` a
-    plot of it. `thumbnail` and `picture` are static maps. `choices` are when to leave and how fast
-    to go, if that was to be chosen; `speeds` are then the best route's lowest and highest, m/s.
+    tells why to take this route; `profile` is a plot of it, `padding` one of the turns at its
+    tightest place, and `tightest` a sentence on that place. `thumbnail` and `picture` are static
+    maps. `choices` are when to leave and how fast to go, if that was to be chosen; `speeds` are
+    then the best route's lowest and highest, m/s.
     """
     result, ranked = case.run, case.routes
     title, anchor = case.title, f"season-{case.number + 1}"
@@ -284,7 +286,8 @@ def case_section(case: RunCase) -> dict[str, Any]:
             "label": label,
         },
         "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
-        "padding": tightest_text(ranked[0]) if ranked else "",
+        "padding": _padding(ranked[0], title, anchor) if ranked else "",
+        "tightest": tightest_text(ranked[0]) if ranked else "",
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
         "choices": list(_choices(case, found)),
@@ -336,6 +339,16 @@ def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
         label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
         f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
+    )
+
+
+def _padding(best: RankedRoute, title: str, anchor: str) -> Markup:
+    """Plot the reach of turns at the best route's tightest place; empty without padding."""
+    tightest = tightest_place(best)
+    return page_svg(
+        padding_figure(tightest, best.case.case.projection.scale) if tightest else None,
+        identity=f"{anchor}-padding",
+        label=f"How far hard-over turns reach at the tightest place of the best route of {title}",
     )
 
 
