@@ -104,24 +104,22 @@ def load_libraries() -> None:
 def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
     from pipeline.findings.choices import trade_offs
-    from pipeline.findings.ensembles import has_ensembles
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
-    from pipeline.formats.tables import write_havens
 
-    tables_of = {
-        "departures.csv": (tables.write_departures_csv, bool(result.departures)),
-        "ensemble.csv": (tables.write_ensemble_csv, has_ensembles(result)),
-        "havens.csv": (write_havens, bool(result.coverages)),
-        "trade-off.csv": (tables.write_trade_off_csv, bool(trade_offs(result))),
+    is_there = {
+        "departures.csv": bool(result.departures),
+        "ensemble.csv": any(one.ensemble for one in result.results),
+        "havens.csv": bool(result.coverages),
+        "trade-off.csv": bool(trade_offs(result)),
     }
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
         "metrics.csv": tables.write_metrics,
         "scenario.toml": tables.write_scenario,
-        **{name: writer for name, (writer, is_there) in tables_of.items() if is_there},
+        **{name: tables.write_table for name, there in is_there.items() if there},
     }
     for case in result.cases:
         if case.grid is not None:  # a planar scenario has none: its current is a formula

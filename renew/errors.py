@@ -5,9 +5,9 @@ A message names the value, the limit it broke and what to change.
 
 import math
 import reprlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, TypeGuard
+from typing import TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from renew._types import FloatArray
 PlaceSpelling: TypeAlias = Callable[[FloatArray], str]
 """Spells a place (2,), m, for a message: in metres, or in the coordinates that the caller knows."""
 _SHORT = reprlib.Repr()
+ValueT = TypeVar("ValueT")
 
 
 def in_metres(place: FloatArray) -> str:
@@ -125,25 +126,20 @@ class Text:
                     words.append(place(value))
         return self.template.format(*words) if words else self.template
 
+    def values_of(self, kind: type[ValueT]) -> tuple[ValueT, ...]:
+        """Return the values of a kind in their order, also those of texts inside this text."""
+        values = list[ValueT]()
+        for value in self.values:
+            if isinstance(value, Text):
+                values += value.values_of(kind)
+            elif isinstance(value, kind):
+                values.append(value)
+        return tuple(values)
+
     @property
     def places(self) -> tuple[FloatArray, ...]:
         """The places that it names, (2,) m each, in the order of its values."""
-        return tuple(value for value in _values_in(self) if isinstance(value, np.ndarray))
-
-    @property
-    def moments(self) -> tuple[Moment, ...]:
-        """The moments that it names, in the order of its values."""
-        return tuple(value for value in _values_in(self) if isinstance(value, Moment))
-
-    @property
-    def lengths(self) -> tuple[Length, ...]:
-        """The lengths that it names, in the order of its values."""
-        return tuple(value for value in _values_in(self) if isinstance(value, Length))
-
-    @property
-    def class_names(self) -> tuple[str, ...]:
-        """The names of classes that it names, in the order of its values."""
-        return tuple(value.name for value in _values_in(self) if isinstance(value, ClassName))
+        return self.values_of(np.ndarray)
 
     @classmethod
     def joined(cls, separator: str, texts: "Sequence[Text]") -> "Text":
@@ -153,15 +149,6 @@ class Text:
 
 Value: TypeAlias = FloatArray | Moment | Length | Duration | ClassName | Text
 """What a text keeps as a value."""
-
-
-def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length | Duration | ClassName]:
-    """Yield the values of a text, and of the texts inside it."""
-    for value in text.values:
-        if isinstance(value, Text):
-            yield from _values_in(value)
-        else:
-            yield value
 
 
 def from_until(begin: float, end: float, *, on: str = "") -> Text:
@@ -193,15 +180,6 @@ class PlanningError(Exception):
     def places(self) -> tuple[FloatArray, ...]:
         """The places that the message names, (2,) m each."""
         return self.text.places
-
-    def located(
-        self,
-        place: PlaceSpelling,
-        moment: MomentSpelling = in_seconds,
-        length: LengthSpelling = str,
-    ) -> str:
-        """Return the message with its places, moments and lengths spelled in another way."""
-        return self.text.spelled(place, moment, length)
 
     def __reduce__(self) -> "tuple[type[PlanningError], tuple[Text]]":
         """Pickle the text: the error can then come back from a worker process."""

@@ -1,7 +1,7 @@
 """What is asked of a plan: where, with which vessel, in which current, when, and how."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -21,7 +21,7 @@ from renew.inputs.options import (
     is_one_of,
     is_row,
 )
-from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
+from renew.voyage.voyage import Voyage, Waters
 
 Place: TypeAlias = FloatArray | tuple[float, float]
 """A point (2,), m."""
@@ -93,10 +93,18 @@ class Request:
         except ParameterError as error:
             faults.append(str(error))
         faults += _time_faults(departure, arrive_by)
-        faults += _method_faults(given["method"], {"arrive_by": arrive_by, "speed": speed})
+        if is_one_of(given["method"], ("sampled",)):
+            faults += [
+                f"{name} needs method = 'optimal', not 'sampled'"
+                for name, value in (("arrive_by", arrive_by), ("speed", speed))
+                if value is not None
+            ]
         faults += [*_speed_faults(speed), *more_faults]
-        if len(points):
-            faults += _via_faults(given["method"], given["order"])
+        faults += [
+            f"via points need {name} = {needed!r}, not {shown(given[name])}"
+            for name, needed in (("method", "optimal"), ("order", "fuel"))
+            if len(points) and not is_one_of(given[name], (needed,))
+        ]
         if faults or options is None:
             raise ParameterError("; ".join(faults))
         never_open, tidal_areas = (depth.never_open, depth.tidal_areas) if depth else ((), ())
@@ -129,10 +137,7 @@ class Request:
 
     def voyage(self, waters: Waters, vessel: Vessel) -> Voyage:
         """Return the voyage in some waters, with a vessel whose speed is the highest to choose."""
-        choice = NO_CHOICE
-        if self.speed is not None:
-            choice = SpeedsByLeg(float(self.speed[0]), deadline=self.deadline)
-        return Voyage(
+        voyage = Voyage(
             waters,
             vessel,
             self.stops[0],
@@ -142,8 +147,10 @@ class Request:
             float(self.options.lateness),
             float(self.options.min_lateness),
             self.stops[1:-1],
-            choice=choice,
         )
+        if self.speed is None:
+            return voyage
+        return replace(voyage, least_speed=float(self.speed[0]), deadline=self.deadline)
 
 
 def options_by_name(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -166,24 +173,6 @@ def _time_faults(departure: object, arrive_by: object) -> list[str]:
             f"arrive_by = {shown(arrive_by)} s must be finite and after departure = {departure!r} s"
         ]
     return []
-
-
-def _method_faults(method: object, needing: Mapping[str, object]) -> list[str]:
-    """Faults of a method with which some of the arguments that are given can't be planned."""
-    return [
-        f"{name} needs method = 'optimal', not 'sampled'"
-        for name, value in needing.items()
-        if value is not None and is_one_of(method, ("sampled",))
-    ]
-
-
-def _via_faults(method: object, order: object) -> list[str]:
-    """Faults of a method, and of an order of classes, with via points."""
-    return [
-        f"via points need {name} = {needed!r}, not {shown(value)}"
-        for name, value, needed in (("method", method, "optimal"), ("order", order, "fuel"))
-        if not is_one_of(value, (needed,))
-    ]
 
 
 def _speed_faults(speed: object) -> list[str]:

@@ -19,14 +19,11 @@ from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import FuelBound
 from renew.classes.dual_graph import Channel, visits
 from renew.errors import (
-    MomentSpelling,
-    PlaceSpelling,
     PlanningError,
     Strait,
     Text,
     UnreachableError,
     from_until,
-    in_seconds,
 )
 from renew.inputs.openings import LeastWater, Opening
 from renew.request import Request
@@ -142,17 +139,17 @@ def unite_soft_no_go(routes: Sequence[Route]) -> None:
     """
     if not routes:
         return
-    padded = [one.padding_used[one.padding_used[:, 4] > 0] for one in routes]
+    padded = [route.padding_used[route.padding_used[:, 4] > 0] for route in routes]
     rows, row = np.unique(np.vstack(padded), axis=0, return_inverse=True)
     shared = np.zeros((len(rows), len(padded)), dtype=bool)
     shared[row.ravel(), np.repeat(np.arange(len(padded)), [len(edges) for edges in padded])] = True
     members, group = np.unique(shared, axis=0, return_inverse=True)
     lines = shapely.linestrings(rows[:, :4].reshape(-1, 2, 2))
     capsules = shapely.buffer(lines, rows[:, 4], quad_segs=16)
-    parts = [shapely.union_all(capsules[group.ravel() == one]) for one in range(len(members))]
+    parts = [shapely.union_all(capsules[group.ravel() == number]) for number in range(len(members))]
     for at, route in enumerate(routes):
         # Most islands' paddings are apart: only parts that meet are overlaid.
-        own = [parts[one] for one in np.flatnonzero(members[:, at])]
+        own = [parts[number] for number in np.flatnonzero(members[:, at])]
         zone = shapely.disjoint_subset_union_all(own) if own else shapely.MultiPolygon()
         route._zone[:] = [zone]  # noqa: SLF001 - kept for the next call
 
@@ -164,7 +161,7 @@ class Rejected:
     Attributes
     ----------
     homotopy : its name.
-    reason : why, as a sentence; `located_reason` spells its places in another way.
+    reason : why, as a sentence; `text.spelled` spells its places in another way.
     channel : (t, 3, 2) metres, its triangles from start to goal.
     strait : where padding fills a whole gap, if that is the reason.
     cause : the error behind the reason; its places are in metres.
@@ -208,13 +205,9 @@ class Rejected:
         """The reason, with its places and moments kept as values that can be spelled."""
         return self.cause.text if self.cause else Text(self.reason)
 
-    def located_reason(self, place: PlaceSpelling, moment: MomentSpelling = in_seconds) -> str:
-        """Return the reason, with places (2,), m, and moments spelled by functions."""
-        return self.text.spelled(place, moment)
-
     def __reduce__(self) -> "tuple[type[Rejected], tuple[object, ...]]":
         """Pickle the fuel, not its source: the current may be a function that can't be pickled."""
-        *others, _, _ = (getattr(self, one.name) for one in fields(self))
+        *others, _, _ = (getattr(self, attribute.name) for attribute in fields(self))
         return Rejected, (*others, (), self.unpadded_fuel)
 
 
@@ -270,9 +263,13 @@ class Plan:
     def __repr__(self) -> str:
         """Return the figures of the first routes, in ten lines at most."""
         shown = self.routes[:_MAX_ROUTES]
-        rows = [f"  {one.homotopy}: fuel {one.fuel:.1f}, {one.length:.1f} m" for one in shown]
-        routes, gone = len(self.routes), len(self.rejected)
-        head = f"{routes} route{'s' * (routes != 1)}, {gone} class{'es' * (gone != 1)} rejected"
+        rows = [
+            f"  {route.homotopy}: fuel {route.fuel:.1f}, {route.length:.1f} m" for route in shown
+        ]
+        routes, classes = len(self.routes), len(self.rejected)
+        head = (
+            f"{routes} route{'s' * (routes != 1)}, {classes} class{'es' * (classes != 1)} rejected"
+        )
         return "\n".join([head, *rows, *["  ..."] * (len(self.routes) > len(shown))])
 
     def _repr_html_(self) -> str:

@@ -163,22 +163,25 @@ def sailed(
     vessel: renew.Vessel,
     drift: str,
     pieces: int,
+    speeds: FloatArray | None = None,
 ) -> FloatArray:
     """Arrival times (n,), s, over straight legs a -> b (n, 2) begun at times (n,); inf if shut.
 
     The midpoint rule: half of each piece at the speed of its beginning finds the time in its middle
     at which the current counts for all of it. Water whose current is as strong as the vessel is
-    no-go.
+    no-go. The legs are sailed at `speeds` (n,), m/s, through water: the vessel's, if not given.
     """
+    through = np.full(len(a), vessel.speed) if speeds is None else speeds
     leg = b - a
     length = np.hypot(leg[:, 0], leg[:, 1])
     unit = leg / np.where(length > 0, length, 1.0)[:, None]
     piece, now = length / pieces, begin.astype(float)
     for k in range(pieces):
         finite = np.where(np.isfinite(now), now, 0.0)
-        first = _slowness(a + k / pieces * leg, finite, unit, current, vessel, drift)
+        rest = unit, through, current, vessel, drift
+        first = _slowness(a + k / pieces * leg, finite, *rest)
         middle = np.where(np.isfinite(first), finite + piece / 2 * first, finite)
-        slow = _slowness(a + (k + 0.5) / pieces * leg, middle, unit, current, vessel, drift)
+        slow = _slowness(a + (k + 0.5) / pieces * leg, middle, *rest)
         slow[first == np.inf] = np.inf
         now = now + np.where(length > 0, piece * slow, 0.0)
     return now
@@ -188,20 +191,18 @@ def _slowness(
     points: FloatArray,
     times: FloatArray,
     unit: FloatArray,
+    through: FloatArray,
     current: renew.CurrentField,
     vessel: renew.Vessel,
     drift: str,
 ) -> FloatArray:
-    """Seconds a metre (n,) along unit vectors (n, 2)."""
+    """Seconds a metre (n,) along unit vectors (n, 2), at speeds through water (n,)."""
     velocity = current.velocity(points, times)
     along = (velocity * unit).sum(axis=1)
     square = (velocity * velocity).sum(axis=1)
-    if drift == "crab":
-        ahead = np.sqrt(np.maximum(vessel.speed**2 - square + along**2, 0.0))
-    else:
-        ahead = np.full(len(points), vessel.speed)
-    speed = ahead + along
-    passable = (square < vessel.speed**2) & (speed > 0)
+    across = square - along**2 if drift == "crab" else 0.0
+    speed = along + np.sqrt(np.maximum(through**2 - across, 0.0))
+    passable = (square < vessel.speed**2) & (through**2 >= across) & (speed > 0)
     return np.where(passable, 1 / np.where(passable, speed, 1.0), np.inf)
 
 

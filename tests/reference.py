@@ -20,7 +20,7 @@ from pydantic import BaseModel
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from pipeline.cli.main import app
-from pipeline.findings.columns import COLUMNS
+from pipeline.findings.names import COLUMNS
 from pipeline.findings.text import clearance, gap_figure
 from pipeline.scenario.loading import inline
 from pipeline.scenario.model import Scenario

@@ -5,14 +5,14 @@ there are two. One is a table over places, times and speeds: on a grid of nodes 
 every edge is sailed at each of some speeds, and arrivals are rounded *up* to a bucket of time: the
 vessel may slow down. What it finds is the fuel of a plan that can be sailed, so never too low, but
 for what slowing down below the lowest speed would take. The other improves a path and the speeds of
-its legs by SLSQP, the clock running by this module's own midpoint rule.
+its legs by SLSQP, with the clock of :mod:`tests.clock_oracle`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -20,12 +20,21 @@ from scipy.optimize import minimize
 
 import renew
 from renew._types import FloatArray
+from renew.inputs.options import Drift
+from tests.clock_oracle import sailed
+from tests.strategies import PAPER_VESSEL
 
 # Places and weights of Simpson's rule on a leg.
 _PLACES, _WEIGHTS = np.array([0.0, 0.25, 0.5, 0.75, 1.0]), np.array([7, 32, 12, 32, 7]) / 90
 
 _STEP = 1.5e-8
 """Of differences: about the square root of a float's precision."""
+
+
+def with_and_against(points: FloatArray) -> FloatArray:
+    """Velocity (..., 2): 0.4 m/s with the vessel for a metre, then as much against it."""
+    u = np.where(points[..., 0] < 1, 0.4, -0.4)
+    return np.stack([u, np.zeros_like(u)], axis=-1)
 
 
 def leg_times(
@@ -121,38 +130,14 @@ class CostModel:
     deadline: float
     speeds: tuple[float, float]
     exponent: float
-    crab: bool
+    drift: Drift
 
     def sailed(
         self, a: FloatArray, b: FloatArray, begin: FloatArray, speed: FloatArray, pieces: int
     ) -> FloatArray:
-        """Arrival times (n,), s, over legs a -> b (n, 2) begun at times (n,); inf if shut.
-
-        The midpoint rule, the time in the middle of a piece by the speed at its beginning.
-        """
-        leg = b - a
-        length = np.hypot(leg[:, 0], leg[:, 1])
-        unit = leg / np.where(length > 0, length, 1.0)[:, None]
-        now, piece = np.array(begin, dtype=float), length / pieces
-        for k in range(pieces):
-            known = np.where(np.isfinite(now), now, 0.0)
-            first = self._slowness(a + k / pieces * leg, known, unit, speed)
-            middle = known + np.where(np.isfinite(first), piece / 2 * first, 0.0)
-            slow = self._slowness(a + (k + 0.5) / pieces * leg, middle, unit, speed)
-            now = now + np.where(length > 0, piece * np.where(np.isinf(first), np.inf, slow), 0.0)
-        return now
-
-    def _slowness(
-        self, points: FloatArray, times: FloatArray, unit: FloatArray, speed: FloatArray
-    ) -> FloatArray:
-        """Seconds a metre (n,) along unit vectors (n, 2); water as fast as the vessel is no-go."""
-        c = self.current.velocity(points, times)
-        along = (c * unit).sum(axis=1)
-        across = c[:, 1] * unit[:, 0] - c[:, 0] * unit[:, 1]
-        square = speed**2 - across**2 if self.crab else speed**2
-        made = along + np.sqrt(np.maximum(square, 0.0))
-        shut = (square < 0) | (made <= 0) | ((c**2).sum(axis=1) >= self.speeds[1] ** 2)
-        return np.where(shut, np.inf, 1 / np.where(shut, 1.0, made))
+        """Arrival times (n,), s, over legs a -> b (n, 2) begun at times (n,); inf if shut."""
+        fastest = replace(PAPER_VESSEL, speed=self.speeds[1])
+        return sailed(a, b, begin, self.current, fastest, self.drift, pieces, speed)
 
     def flown(self, paths: FloatArray, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Fuel over α (b,), and arrivals (b,), s, of paths (b, n, 2) at speeds (b, n - 1)."""
@@ -211,12 +196,12 @@ def least_fuel_in_table(
     bucket = int(fuel[last].argmin())
     if not math.isfinite(fuel[last, bucket]):
         return math.inf, np.empty((0, 2)), np.empty(0)
-    least, row, sailed = float(fuel[last, bucket]), [last], []
+    least, row, chosen = float(fuel[last, bucket]), [last], []
     while row[-1] != first:
         node, bucket, at_speed = came[row[-1], bucket].tolist()
         row.append(node)
-        sailed.append(float(speeds[at_speed]))
-    return least, points[row[::-1]], np.array(sailed[::-1])
+        chosen.append(float(speeds[at_speed]))
+    return least, points[row[::-1]], np.array(chosen[::-1])
 
 
 def improved(

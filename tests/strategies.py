@@ -91,10 +91,14 @@ def examples(gate: int, new: int) -> settings:
 
 def single_gyre() -> Scene[renew.GyreCurrent]:
     """Return the published single gyre."""
-    islands = [Polygon(corners) for corners in SINGLE_GYRE_ISLANDS]
-    chart = renew.Chart(box(0, 0, 100, 100), islands)
+    chart = chart_of([Polygon(corners) for corners in SINGLE_GYRE_ISLANDS])
     ends = np.array([10.0, 10.0]), np.array([90.0, 90.0])
     return Scene(chart, renew.GyreCurrent(0.8, 100, 100), *ends)
+
+
+def chart_of(islands: list[Polygon]) -> renew.Chart:
+    """Return islands in a square of water, 100 m by 100 m."""
+    return renew.Chart(box(0, 0, 100, 100), islands)
 
 
 def random_islands(seed: int, count: int = 7) -> list[Polygon]:

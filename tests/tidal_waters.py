@@ -1,8 +1,9 @@
-"""Scenes with bars that the tide shuts for some hours, and an oracle that runs the clock."""
+"""Scenes with bars that the tide shuts, an oracle that runs the clock, and flights on a route."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,7 +15,6 @@ import renew
 from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival, sailed, tighten
-from tests.flights import positions
 from tests.oracles import STENCIL_RADIUS
 from tests.strategies import PAPER_VESSEL, Scene, random_scene
 
@@ -30,6 +30,32 @@ _SURGE, _LAG = 0.2, 600.0
 _ROUNDING = 2e-3
 # Times (s), up to a tenth of the voyage, by which a vessel without its detour would be too early.
 _EARLIER = np.arange(400.0, 2401.0, 400.0)
+
+
+def positions(
+    route: renew.Route,
+    scene: Scene[renew.CurrentField],
+    along: FloatArray,
+    late: FloatArray,
+    side: float,
+    step: float,
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield where vessels are (n, 2), m, and when (n,), s, at each step (s) of their turns.
+
+    The vessel sails its track, and from its places there at times `along` (n,), s, it turns full
+    circles to a side (1 or -1) at the highest speed of its route. It passes them so much later than
+    planned: `late` (n,), s.
+    """
+    track = route.trajectory
+    place = np.stack([np.interp(along, track[:, 0], track[:, k]) for k in (1, 2, 3)], axis=1)
+    position, heading = place[:, :2], place[:, 2]
+    now = np.maximum(along + late, route.times[0])
+    for _ in range(int(np.ceil(scene.vessel.turn_period / step)) + 1):
+        yield position, now
+        through = route.speeds.max() * np.column_stack([np.cos(heading), np.sin(heading)])
+        position = position + step * (through + scene.current.velocity(position, now))
+        heading = heading + side * scene.vessel.turn_rate * step
+        now = now + step
 
 
 class _Scaled(renew.CurrentField):

@@ -16,7 +16,8 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, Geometries
 
-_GEOD = pyproj.Geod(ellps="WGS84")
+GEOD = pyproj.Geod(ellps="WGS84")
+"""The earth's ellipsoid."""
 _METRES_PER_DEGREE = 111_195.0
 _PIECE_M = 10_000.0
 _FIRST_LOOK_M, _LAST_LOOK_M = 2_000.0, 2_000_000.0
@@ -34,7 +35,7 @@ def clearance_m(route: FloatArray, polygons: Sequence[Polygon]) -> float:
 
 def _pieces(route: FloatArray) -> Iterator[FloatArray]:
     """Yield a route piece by piece."""
-    steps = _GEOD.line_lengths(route[:, 0], route[:, 1])
+    steps = GEOD.line_lengths(route[:, 0], route[:, 1])
     number = (np.concatenate([[0.0], np.cumsum(steps)]) // _PIECE_M).astype(int)
     for piece in range(number[-1] + 1):
         (mine,) = np.nonzero(number == piece)

@@ -12,7 +12,7 @@ from experiments.environments.model import EnvironmentSpec
 from experiments.plan_of_jobs import TIMED
 from experiments.tables.summary import Runs
 from experiments.tables.tables import Results
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.appearance import COLOURS
 from renew._types import FloatArray
 from renew.turns.turn_reach import turn_reach
 

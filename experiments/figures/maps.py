@@ -14,9 +14,9 @@ from experiments.environments.model import Case
 from experiments.jobs import Judged
 from experiments.tables.summary import Runs
 from experiments.tables.tables import Results
+from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures.chart_map import add_layers, map_figure, stroke
 from pipeline.formats.figures.season_map import draw_case, land_handles, soft_handle, soft_layer
-from pipeline.formats.palette import COLOURS
 from renew._types import FloatArray
 
 if TYPE_CHECKING:

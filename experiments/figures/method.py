@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from matplotlib.collections import LineCollection
 
 from pipeline.findings.text import distance, fuel
+from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures import chart_map, season_map
-from pipeline.formats.palette import COLOURS
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.turns.contingency import TurnsBegun, fly_turns
 
@@ -49,6 +50,11 @@ _STATIONS = 400
 _MAX_BESIDE = 4
 
 
+def _lines(edges: FloatArray, colour: str, width_pt: float, zorder: float) -> LineCollection:
+    """Return segments (e, 2, 2) as one artist."""
+    return LineCollection(list(edges), colors=colour, linewidths=width_pt, zorder=zorder)
+
+
 def mesh(result: RunResult, season: str) -> Figure:
     """Draw the triangles of the water, and the constrained edges, which bound the no-go zone."""
     triangles = _triangulation(result, season)
@@ -61,8 +67,8 @@ def mesh(result: RunResult, season: str) -> Figure:
     figure, [(axes, sea)] = chart_map.map_figure(result, handles)
     layers = [
         *season_map.chart_layers(axes, result),
-        chart_map.lines(passing, COLOURS["other"], 0.5, 5),
-        chart_map.lines(constrained, COLOURS["ink"], 1.1, 6),
+        _lines(passing, COLOURS["other"], 0.5, 5),
+        _lines(constrained, COLOURS["ink"], 1.1, 6),
     ]
     chart_map.draw_map(axes, sea, result, layers)
     return figure
@@ -85,7 +91,7 @@ def channels(result: RunResult, season: str) -> Figure:
         edges = np.stack([channel, np.roll(channel, -1, axis=1)], axis=2)
         layers = [
             *season_map.chart_layers(axes, result),
-            chart_map.lines(passing, COLOURS["grid"], 0.5, 2),
+            _lines(passing, COLOURS["grid"], 0.5, 2),
             chart_map.patch(
                 shapely.polygons(channel),
                 facecolor=colour,
@@ -93,7 +99,7 @@ def channels(result: RunResult, season: str) -> Figure:
                 alpha=_CHANNEL_ALPHA,
                 zorder=3,
             ),
-            chart_map.lines(edges.reshape(-1, 2, 2), colour, 0.7, 3.2),
+            _lines(edges.reshape(-1, 2, 2), colour, 0.7, 3.2),
             *season_map.haloed(ranked.route.path, colour),
         ]
         chart_map.draw_island_labels(axes, result)
@@ -229,7 +235,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
         *season_map.chart_layers(axes, result),
         season_map.soft_layer(axes, route.soft_no_go),
         *season_map.haloed(route.path, COLOURS["best"]),
-        chart_map.lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
+        _lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
     ]
     chart_map.add_layers(axes, layers, sea)
     frame = chart_map.patch(

@@ -14,7 +14,7 @@ from experiments.report.verdicts import verdicts
 from experiments.tables.summary import Cell, Row, Table
 from experiments.tables.tables import Findings
 from pipeline.errors import StageError
-from pipeline.formats.palette import COLOURS, DARK
+from pipeline.formats.appearance import COLOURS, DARK
 from pipeline.machine.files import replacing
 
 REPORT = "report.html"

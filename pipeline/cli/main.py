@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def _open_missing_streams() -> None:
-    """Open streams that the caller closed (`2>&-`); else the next files get their numbers."""
+    """Open streams that the caller closed (`2>&-`); otherwise other files get their descriptors."""
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)

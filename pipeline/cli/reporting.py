@@ -1,4 +1,4 @@
-"""What a run shows on the command line: its progress, then a table of its seasons or JSON.
+"""What a run prints: its progress, and at its end a table or JSON.
 
 Progress is a bar on a terminal, lines of text elsewhere, or lines of JSON.
 """
@@ -24,7 +24,7 @@ from pipeline.cli.terminal import (
     terminal_width,
 )
 from pipeline.findings import text
-from pipeline.findings.columns import figures
+from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.text import json_value, season_text
@@ -81,7 +81,7 @@ def _machine_notes() -> Iterator[str]:
 
 @contextlib.contextmanager
 def _bar(scenario: Scenario) -> Iterator[EventHandler]:
-    """Show a bar with a step for each stage and each season."""
+    """Show a bar with a step for each stage and each case."""
     steps = len(STAGES) - (scenario.havens is None) + len(scenario.seasons)
     with progress_bar(scenario.name) as bar:
         task = bar.add_task("Starting", total=steps)
@@ -149,7 +149,7 @@ def _text_lines(scenario: Scenario) -> Iterator[EventHandler]:
 
 
 class _State:
-    """The current stage, its start time, and the seasons that it has not finished yet."""
+    """The current stage, its start time, and the cases that it has not finished yet."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._all = tuple(season.name for season in scenario.seasons)

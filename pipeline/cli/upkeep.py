@@ -237,7 +237,7 @@ def _counted_compilations() -> Iterator[Callable[[], int]]:
 
 
 def require_consent() -> None:
-    """Ask before the land cache is removed, which is the user's; RequestError without a terminal.
+    """Ask before the user's land cache is removed; RequestError if there is no terminal.
 
     Raises typer.Abort if the answer is no.
     """
@@ -305,7 +305,7 @@ _PLUGIN = "renew_routes"
 
 @qgis_app.callback()
 def _group() -> None:
-    """Keep `install` a command of its own: a group of one command would be that command."""
+    """Keep the name `install`: without this, Typer makes a group of one command that command."""
 
 
 @qgis_app.command(cls=options.Command)

@@ -1,16 +1,24 @@
-"""When to leave, how fast to go, how to go on under way: the best and what it saves, in words."""
+"""When to leave, how fast, which side among members, how to go on under way: sentences and rows."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.findings import text
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
-from pipeline.model import DepartureChoice, Note, ReplanFigures, SpeedChoice
+from pipeline.model import (
+    DepartureChoice,
+    EnsembleFigures,
+    Note,
+    ReplanFigures,
+    RouteMetrics,
+    SpeedChoice,
+)
 
 AS_GOOD = 0.01
 """A departure that needs at most this share of fuel above the least counts as good."""
@@ -160,20 +168,20 @@ def trade_offs(result: RunResult) -> tuple[SpeedTradeOff, ...]:
     return tuple(one for one in found if one is not None)
 
 
-def trade_off_text(found: SpeedTradeOff) -> tuple[str, ...]:
+def trade_off_text(chosen: SpeedTradeOff) -> tuple[str, ...]:
     """Say in sentences how fast the vessel sails, and what more or less time is worth."""
-    allowed = f"{found.choice.least:g}–{found.choice.most:g} m/s"
-    low, high = text.speed_range(found.slowest, found.fastest)
+    allowed = f"{chosen.choice.least:g}–{chosen.choice.most:g} m/s"
+    low, high = text.speed_range(chosen.slowest, chosen.fastest)
     how = f"Speeds through water of {low}–{high} m/s, chosen from leg to leg among {allowed}, bring"
     if low == high:
         how = f"A speed of {low} m/s through water all the way, among {allowed}, brings"
-    there = f"by {text.moment_text(found.arrive_by)}"
-    if found.duration_s < (1 - _IN_TIME) * found.choice.within_s:
+    there = f"by {text.moment_text(chosen.arrive_by)}"
+    if chosen.duration_s < (1 - _IN_TIME) * chosen.choice.within_s:
         there = (
-            f"at {text.moment_text(found.moment(found.duration_s))}, before the deadline of "
-            f"{text.moment_text(found.arrive_by)}"
+            f"at {text.moment_text(chosen.moment(chosen.duration_s))}, before the deadline of "
+            f"{text.moment_text(chosen.arrive_by)}"
         )
-    return (f"{how} the vessel to the goal {there}, with the least fuel.", *_worth(found))
+    return (f"{how} the vessel to the goal {there}, with the least fuel.", *_worth(chosen))
 
 
 def speed_notes(result: RunResult) -> tuple[Note, ...]:
@@ -184,33 +192,33 @@ def speed_notes(result: RunResult) -> tuple[Note, ...]:
     )
 
 
-def _worth(found: SpeedTradeOff) -> Iterator[str]:
+def _worth(chosen: SpeedTradeOff) -> Iterator[str]:
     """Say what more and less time are worth, if there is a choice."""
-    change = _MORE_OR_LESS * found.duration_s
-    more, less = (found.fuel_after(found.duration_s + by) for by in (change, -change))
+    change = _MORE_OR_LESS * chosen.duration_s
+    more, less = (chosen.fuel_after(chosen.duration_s + by) for by in (change, -change))
     said = []
-    if found.fuel - more > _NO_LESS_FUEL * found.fuel:
+    if chosen.fuel - more > _NO_LESS_FUEL * chosen.fuel:
         said.append(
             f"{text.hours(change)} more would save "
-            f"{text.percent(1 - more / found.fuel)} of the fuel"
+            f"{text.percent(1 - more / chosen.fuel)} of the fuel"
         )
-    if less - found.fuel > _NO_LESS_FUEL * found.fuel:
+    if less - chosen.fuel > _NO_LESS_FUEL * chosen.fuel:
         said.append(
-            f"{text.hours(change)} less would take {text.percent(less / found.fuel - 1)} more"
+            f"{text.hours(change)} less would take {text.percent(less / chosen.fuel - 1)} more"
         )
     if said:
         yield f"{'; '.join(said)}."
-    first, last = found.durations_s[[0, -1]]
-    if first < (1 - _IN_TIME) * found.duration_s:
+    first, last = chosen.durations_s[[0, -1]]
+    if first < (1 - _IN_TIME) * chosen.duration_s:
         yield (
             f"At the highest speed the vessel could be there at "
-            f"{text.moment_text(found.moment(first))}, for "
-            f"{text.percent(found.fuels[0] / found.fuel - 1)} more fuel."
+            f"{text.moment_text(chosen.moment(first))}, for "
+            f"{text.percent(chosen.fuels[0] / chosen.fuel - 1)} more fuel."
         )
-    if last > (1 + _IN_TIME) * found.duration_s:
+    if last > (1 + _IN_TIME) * chosen.duration_s:
         yield (
-            f"More time saves fuel until {text.moment_text(found.moment(last))}: an arrival then "
-            f"takes {text.percent(1 - found.fuels[-1] / found.fuel)} less fuel."
+            f"More time saves fuel until {text.moment_text(chosen.moment(last))}: an arrival then "
+            f"takes {text.percent(1 - chosen.fuels[-1] / chosen.fuel)} less fuel."
         )
 
 
@@ -241,61 +249,221 @@ _LEAST_M = 1.0
 
 
 def replanned_notes(result: RunResult) -> Iterator[Note]:
-    """Yield what planning again answered for the case that is sailed."""
+    """Yield a note on the new plan of a voyage under way."""
     for one in result.results:
         if one.replanned is not None:
             yield Note.of("replanned", found=one.replanned).about(one.name)
 
 
-def replanned_text(found: ReplanFigures) -> tuple[str, ...]:
+def replanned_text(replan: ReplanFigures) -> tuple[str, ...]:
     """Say in sentences whether the planned way is kept, at what fuel, and what changed the fuel."""
     margin = "in the margin around land; the plan begins in the water, {} from there"
-    moved = f", {margin.format(text.distance(found.moved_m))}" if found.moved_m > 0 else ""
-    return f"{_answer(found)}.", f"The vessel is {_place(found)}{moved}.", f"{_causes(found)}."
+    moved = f", {margin.format(text.distance(replan.moved_m))}" if replan.moved_m > 0 else ""
+    return f"{_answer(replan)}.", f"The vessel is {_place(replan)}{moved}.", f"{_causes(replan)}."
 
 
-def _answer(found: ReplanFigures) -> str:
+def _answer(replan: ReplanFigures) -> str:
     """Say which way to take, with the fuel of each side."""
-    fuel = text.number(found.fuel)
-    if found.answer == "kept":
+    fuel = text.number(replan.fuel)
+    if replan.answer == "kept":
         return f"Kept: stay on the way that was planned, which needs {fuel} of fuel from here"
-    if math.isfinite(found.kept_fuel):
+    if math.isfinite(replan.kept_fuel):
         return (
             f"Switched: take the other way, which needs {fuel} of fuel from here; the way that was "
-            f"planned would need {text.number(found.kept_fuel)}"
+            f"planned would need {text.number(replan.kept_fuel)}"
         )
-    reason = f" ({found.kept_reason})" if found.kept_reason else ""
+    reason = f" ({replan.kept_reason})" if replan.kept_reason else ""
     return (
         f"Switched: take the other way, which needs {fuel} of fuel from here; the way that was "
         f"planned can't be sailed from here{reason}"
     )
 
 
-def _place(found: ReplanFigures) -> str:
-    """Say where and when the vessel is beside its plan."""
-    off = f"{text.distance(found.off_m)} off its plan" if found.off_m >= _LEAST_M else "on its plan"
-    if abs(found.late_s) < _LEAST_S:
+def _place(replan: ReplanFigures) -> str:
+    """Say how far the vessel is off its plan, and how late or early."""
+    off = (
+        f"{text.distance(replan.off_m)} off its plan" if replan.off_m >= _LEAST_M else "on its plan"
+    )
+    if abs(replan.late_s) < _LEAST_S:
         return f"{off} and on time"
-    early_or_late = "late" if found.late_s > 0 else "early"
-    return f"{off} and {text.hours(abs(found.late_s))} {early_or_late}"
+    early_or_late = "late" if replan.late_s > 0 else "early"
+    return f"{off} and {text.hours(abs(replan.late_s))} {early_or_late}"
 
 
-def _causes(found: ReplanFigures) -> str:
+def _causes(replan: ReplanFigures) -> str:
     """Say what changed the fuel of the whole voyage."""
     changes = [
         f"{words} {'costs' if fuel > 0 else 'saves'} {text.number(abs(fuel))}"
         for words, fuel in (
-            ("being off the plan, late or early", found.by_drift),
-            ("the new forecast", found.by_forecast),
-            ("the way ahead, against the planned one,", -found.saved),
+            ("being off the plan, late or early", replan.by_drift),
+            ("the new forecast", replan.by_forecast),
+            ("the way ahead, against the planned one,", -replan.saved),
         )
-        if math.isfinite(fuel) and abs(fuel) > _LEAST * found.planned_fuel
+        if math.isfinite(fuel) and abs(fuel) > _LEAST * replan.planned_fuel
     ]
-    if not math.isfinite(found.by_drift):
+    if not math.isfinite(replan.by_drift):
         changes = ["no straight leg leads back to the planned way"]
     why = f": {', '.join(changes)}" if changes else ", as planned"
     return (
-        f"The plan needed {text.number(found.planned_fuel)} of fuel, of which "
-        f"{text.number(found.burnt)} is burnt; the whole voyage now needs "
-        f"{text.number(found.burnt + found.fuel)}{why}"
+        f"The plan needed {text.number(replan.planned_fuel)} of fuel, of which "
+        f"{text.number(replan.burnt)} is burnt; the whole voyage now needs "
+        f"{text.number(replan.burnt + replan.fuel)}{why}"
     )
+
+
+# Saving that is not worth a sentence, as a share of the mean fuel.
+_NOTHING = 5e-4
+# Largest number of members that are named.
+_MAX_NAMED = 4
+_CHOSEN_BY = {
+    "mean": "mean fuel",
+    "p90": "the fuel that nine in ten members don't exceed",
+    "cvar90": "the mean fuel of the worst tenth of the members",
+    "regret": "the largest excess over a member's best side",
+}
+
+ENSEMBLE_COLUMNS = ("season", "member", "weight", "rank", "way", "homotopy", "fuel", "is_best")
+"""Fuel is in the planner's units, of the route in this member; empty where it can't be sailed."""
+
+
+ENSEMBLE_FIGURES = ("members_count", "members_flips", "members_waiting_saves", "members_gap")
+"""How sure a case's first route is: how many members there are, in how many of them another side
+is the best, what is saved on average if the member is known before (the planner's fuel), and by
+what share the mean of another single route may be smaller, at most."""
+
+
+def way_text(one: RouteMetrics) -> str:
+    """Name a route by its side, or by its rank where no island distinguishes it."""
+    return one.main_passage or f"route {one.rank}"
+
+
+def side_shares(ensemble: EnsembleFigures, routes: Iterable[RouteMetrics]) -> str:
+    """Say in what share of the members each side is the best, the likeliest first."""
+    shares: dict[str, float] = {}
+    for one in routes:
+        shares[way_text(one)] = shares.get(way_text(one), 0.0) + ensemble.share(one.rank)
+    by_share = sorted(shares.items(), key=lambda side: -side[1])
+    return "; ".join(f"{side} in {text.percent(share, 0)}" for side, share in by_share if share)
+
+
+def close_sides(ensemble: EnsembleFigures, routes: Sequence[RouteMetrics]) -> list[str]:
+    """Return the other sides that are not surely dearer than the first route's."""
+    sides = dict.fromkeys(way_text(one) for one in routes if one.rank in ensemble.close)
+    return [side for side in sides if side != way_text(routes[0])]
+
+
+def sides_text(ensemble: EnsembleFigures, routes: Sequence[RouteMetrics]) -> str:
+    """Say whether the side is too close to call, and the shares of the sides."""
+    is_close = "too close to call: " if close_sides(ensemble, routes) else ""
+    return is_close + side_shares(ensemble, routes)
+
+
+def ensemble_figures(ensemble: EnsembleFigures, routes: Sequence[RouteMetrics]) -> dict[str, Any]:
+    """Return how sure a case's side is, by `ENSEMBLE_FIGURES`; None for what is not finite."""
+    sides = {one.rank: way_text(one) for one in routes}
+    flips = sum(sides.get(rank, sides[1]) != sides[1] for rank in ensemble.best_in)
+    figures = (ensemble.waiting_saves, ensemble.gap("mean"))
+    known = (one if math.isfinite(one) else None for one in figures)
+    return dict(zip(ENSEMBLE_FIGURES, (len(ensemble.names), flips, *known), strict=True))
+
+
+def flips_text(figures: Mapping[str, Any]) -> str:
+    """Say in how many members another side is the best."""
+    flips, count = figures["members_flips"], figures["members_count"]
+    return f"the side flips in {flips or 'none'} of {count} members"
+
+
+def ensemble_text(case: RunCase) -> tuple[str, ...]:
+    """Say in sentences how sure the side is; empty without members."""
+    ensemble, routes = case.result.ensemble, case.routes
+    return () if ensemble is None or not routes else tuple(_sentences(ensemble, routes))
+
+
+def ensemble_notes(result: RunResult) -> tuple[Note, ...]:
+    """Note how sure the side of each case with members is."""
+    return tuple(
+        Note.of("how-sure", said=said[0].removesuffix(".")).about(
+            *result.scenario.season_if_several(case.name)
+        )
+        for case in result.cases
+        if (said := ensemble_text(case))
+    )
+
+
+def _sentences(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
+    """Yield sentences on a case's routes in the members of its current."""
+    metrics = [one.metrics for one in routes]
+    best = way_text(metrics[0])
+    others = close_sides(ensemble, metrics)
+    verdict = f"Surely {best}, by {_CHOSEN_BY[ensemble.choose]}"
+    if others:
+        verdict = f"Too close to call between {best} and {' and '.join(others)}"
+    yield (
+        f"{verdict}: {flips_text(ensemble_figures(ensemble, metrics))}, each of which may come "
+        f"true. The best is {side_shares(ensemble, metrics)}."
+    )
+    mean = ensemble.statistic("mean", 1)
+    if not math.isfinite(mean):
+        yield "The route taken can't be sailed in every member."
+    else:
+        regret = ensemble.statistic("regret", 1)
+        p90, cvar = (ensemble.statistic(name, 1) for name in ("p90", "cvar90"))
+        most = ""
+        if regret > _NOTHING * mean:
+            share = text.at_most_percent(regret / mean)
+            most = f" Where it is most wrong, another route needs {share} of that less."
+        worst = ""
+        if ensemble.has_quantiles:
+            worst = (
+                f", and at most {text.at_most_percent(p90 / mean - 1)} more in nine members of ten"
+                f"; the worst tenth needs {text.percent(cvar / mean - 1)} more"
+            )
+        yield f"The route taken needs {text.fuel(mean)} on average{worst}.{most}"
+        if ensemble.waiting_saves > _NOTHING * mean:
+            worth = text.at_most_percent(ensemble.waiting_saves / mean)
+            yield (
+                f"To know the member before the side is chosen would save {worth} on average: "
+                "waiting for a better forecast is worth no more than that to this choice."
+            )
+        saves = [
+            text.at_most_percent(1 - 1 / (1 + ensemble.gap(name))) for name in ("mean", "cvar90")
+        ]
+        worst = f", and at most {saves[1]} in the worst tenth" * ensemble.has_quantiles
+        yield f"Any other single route saves at most {saves[0]} of that{worst}."
+    yield from _shut(ensemble, routes)
+
+
+def _shut(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
+    """Yield in which members routes can't be sailed."""
+    for one in routes:
+        members = [(member, why) for rank, member, why in ensemble.shut if rank == one.rank]
+        if members:
+            named = ", ".join(member for member, _ in members[:_MAX_NAMED])
+            more = f" and {len(members) - _MAX_NAMED} more" * (len(members) > _MAX_NAMED)
+            yield (
+                f"{text.capitalised(way_text(one.metrics))} can't be sailed in {named}{more}: "
+                f"{members[0][1]}."
+            )
+
+
+def ensemble_rows(result: RunResult) -> Iterator[dict[str, Any]]:
+    """Yield a row for each route in each member, of all cases that have members."""
+    for case in result.cases:
+        ensemble = case.result.ensemble
+        if ensemble is None:
+            continue
+        for at, (member, weight) in enumerate(
+            zip(ensemble.names, ensemble.weights.tolist(), strict=True)
+        ):
+            for one in case.routes:
+                fuel = float(ensemble.fuels[one.rank - 1, at])
+                yield {
+                    "season": case.name,
+                    "member": member,
+                    "weight": weight,
+                    "rank": one.rank,
+                    "way": one.metrics.way,
+                    "homotopy": one.metrics.homotopy,
+                    "fuel": fuel if math.isfinite(fuel) else None,
+                    "is_best": ensemble.best_in[at] == one.rank,
+                }

@@ -1,11 +1,10 @@
-"""What a route's coverage by havens says, as rows for tables, maps and the passage plan.
+"""The coverage of a route by havens, as rows for tables, maps and the passage plan.
 
-Times and distances are true ones: in a steady current the planner's differ a little, by the scale
-of its plane.
+Times and distances are true. In a steady current the planner's differ a little, by the scale of its
+plane.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +18,7 @@ from pipeline.findings.result import RunCase
 from pipeline.findings.text import planner_text
 
 _GEOD = pyproj.Geod(ellps="WGS84")
-# Share of the limit of time that a stretch takes at least whose way is a main one.
+# A way is a main one if its stretch takes at least this share of the limit of time.
 _STRETCH = 1 / 12
 MOMENTS = ("equal point", "last change")
 """Kinds of rows for which nothing is proven of later places."""
@@ -90,30 +89,32 @@ def coverage_of(case: RunCase) -> renew.Coverage:
 
 
 def haven_ways(case: RunCase) -> dict[renew.Diversion, Way]:
-    """Return the ways to havens of a case's best route, in the order of their times."""
-    coverage, clock, projection = coverage_of(case), _Clock.of(case), case.case.projection
+    """Return the ways to havens of a case's best route, in the order of their times, if any."""
+    if case.coverage is None:
+        return {}
+    projection, (begin, stretch) = case.case.projection, _clock(case)
     return {
         one: Way(
             number=number,
             haven=one.haven.name,
-            turn_off_s=clock.since(one.time),
+            turn_off_s=stretch * (one.time - begin),
             place=projection.to_lonlat(one.place),
             haven_place=projection.to_lonlat(one.haven.place),
             length_m=projection.geodesic_length_m(one.route.path),
-            duration_s=clock.stretch * one.duration,
-            longest_s=clock.stretch * one.longest,
+            duration_s=stretch * one.duration,
+            longest_s=stretch * one.longest,
             fuel=one.fuel,
             route=one.route,
         )
-        for number, one in enumerate(coverage.diversions, start=1)
+        for number, one in enumerate(case.coverage.diversions, start=1)
     }
 
 
 def main_ways(case: RunCase) -> list[Way]:
     """Return the ways that a navigator needs at hand, in the order of their times.
 
-    They serve stretches of a share of the limit at least, or are those of the last places to turn
-    off. Near a limit there are many more, each for a few minutes of the route.
+    These serve long stretches, or the last places to turn off. Near the limit of time there are
+    many more ways, each for a few minutes of the route.
     """
     coverage = coverage_of(case)
     stretches = coverage.stretches
@@ -127,62 +128,51 @@ def main_ways(case: RunCase) -> list[Way]:
 
 
 def haven_rows(case: RunCase) -> list[HavenRow]:
-    """Return the rows of a case's best route: its stretches, then its last places to turn off."""
-    return list(_rows(case))
+    """Return the rows of a case's best route: its stretches, then its last places to turn off.
 
-
-def _rows(case: RunCase) -> Iterator[HavenRow]:
-    """Yield stretches, abort points, the point of no return, equal points, and last changes."""
-    coverage, clock, ways = coverage_of(case), _Clock.of(case), haven_ways(case)
-    for one in coverage.stretches:
-        cause = one.cause
-        yield HavenRow(
+    These are abort points, the point of no return, equal points, and last changes. There are no
+    rows without havens.
+    """
+    coverage, ways = case.coverage, haven_ways(case)
+    if coverage is None:
+        return []
+    begin, stretch = _clock(case)
+    rows = [
+        HavenRow(
             one.state,
-            clock.since(one.begin),
-            clock.since(one.end),
+            stretch * (one.begin - begin),
+            stretch * (one.end - begin),
             None if one.diversion is None else ways[one.diversion],
-            clock.stretch * one.longest,
-            clock.stretch * one.least,
-            "" if cause is None else planner_text(cause.text, case.case),
+            stretch * one.longest,
+            stretch * one.least,
+            "" if one.cause is None else planner_text(one.cause.text, case.case),
         )
-    last = [("abort point", one) for one in coverage.abort_points]
-    if coverage.no_return is not None:
-        last.append(("point of no return", coverage.no_return))
-    for kind, turn in last:
-        way = ways[turn.diversion]
-        end_s = clock.since(turn.not_after)
-        yield HavenRow(kind, way.turn_off_s, end_s, way, way.longest_s)
+        for one in coverage.stretches
+    ]
+    last = [("abort point", one.diversion, one.not_after) for one in coverage.abort_points]
+    if (turn := coverage.no_return) is not None:
+        last.append(("point of no return", turn.diversion, turn.not_after))
     for point in coverage.equal_points:
-        for way in (ways[point.before], ways[point.after]):
-            yield HavenRow("equal point", way.turn_off_s, way.turn_off_s, way, way.longest_s)
-    for way in (ways[one.diversion] for one in coverage.class_turns):
-        yield HavenRow("last change", way.turn_off_s, way.turn_off_s, way, way.longest_s)
+        last += [("equal point", one, one.time) for one in (point.before, point.after)]
+    last += [("last change", one.diversion, one.diversion.time) for one in coverage.class_turns]
+    for kind, diversion, not_after in last:
+        way = ways[diversion]
+        end_s = stretch * (not_after - begin)
+        rows.append(HavenRow(kind, way.turn_off_s, end_s, way, way.longest_s))
+    return rows
 
 
 def stretch_line(case: RunCase, row: HavenRow) -> shapely.LineString:
     """Return the part of a case's best route, planar metres, that a row is about."""
-    route, clock = case.routes[0].route, _Clock.of(case)
-    begin, end = (one / clock.stretch + clock.begin for one in (row.begin_s, row.end_s))
+    route, (departure, stretch) = case.routes[0].route, _clock(case)
+    begin, end = (one / stretch + departure for one in (row.begin_s, row.end_s))
     track = route.trajectory[:, 0]
     times = np.concatenate([[begin], track[(track > begin) & (track < end)], [end]])
     x, y = (np.interp(times, track, column) for column in route.trajectory.T[1:3])
     return shapely.LineString(np.stack([x, y], axis=-1))
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """The clock of a case's best route: its departure, s, and true seconds to one of its own."""
-
-    begin: float
-    stretch: float
-
-    @classmethod
-    def of(cls, case: RunCase) -> "_Clock":
-        """Return the clock of a case."""
-        best = case.routes[0]
-        begin = float(best.route.times[0])
-        return cls(begin, best.metrics.duration_s / best.route.duration)
-
-    def since(self, time: float) -> float:
-        """Return true seconds since departure at a time (s) of the planner."""
-        return self.stretch * (time - self.begin)
+def _clock(case: RunCase) -> tuple[float, float]:
+    """Return a case's departure on the planner's clock, s, and true seconds to one of the clock."""
+    best = case.routes[0]
+    return float(best.route.times[0]), best.metrics.duration_s / best.route.duration

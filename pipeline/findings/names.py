@@ -1,9 +1,17 @@
-"""Names of a run's files and folders."""
+"""Names in a run's outputs: folders, files, and their columns by one table, `columns.toml`."""
 
 import hashlib
 import re
+import tomllib
 import unicodedata
+from collections.abc import Iterable, Mapping
+from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from pipeline.model import RouteMetrics
+
 
 MANIFEST = "manifest.json"
 # Maximum length of a file name that is derived from a text, in characters.
@@ -35,9 +43,9 @@ def safe_name(name: str) -> str:
     return f"{short}-{digest}" if short else digest
 
 
-def season_stem(scenario: str, season: str) -> str:
-    """Return the beginning of the names of a season's files: scenario and season."""
-    return safe_name(f"{scenario}-{season}")
+def season_stem(scenario: str, case: str) -> str:
+    """Return the beginning of the names of a case's files."""
+    return safe_name(f"{scenario}-{case}")
 
 
 SCHEMA_VERSION = 1
@@ -54,3 +62,47 @@ def without_folders(value: object) -> object:
     if isinstance(value, list | tuple):
         return [without_folders(one) for one in value]
     return value
+
+
+class Column(NamedTuple):
+    """A column: its name for readers with the unit in brackets, its meaning, and its type.
+
+    Attributes
+    ----------
+    type : "number", "whole", "text", "flag" or "time".
+    attribute : of RouteMetrics, if the column is one of a route's figures.
+    files : in which files that figure stands: "csv", "layer", "json" and "night".
+    optional : whether it is left out where no row has a value.
+    """
+
+    alias: str
+    meaning: str
+    type: str = "number"
+    attribute: str = ""
+    files: tuple[str, ...] = ()
+    optional: bool = False
+
+
+COLUMNS = {
+    name: Column(**{"attribute": name, **fields})
+    for name, fields in tomllib.loads(
+        files("pipeline.findings").joinpath("columns.toml").read_text(encoding="utf-8")
+    ).items()
+}
+
+
+def figure_columns(file: str) -> tuple[str, ...]:
+    """Return the columns of a route's figures in a kind of file."""
+    return tuple(name for name, column in COLUMNS.items() if file in column.files)
+
+
+def figures(metrics: "RouteMetrics", file: str) -> dict[str, Any]:
+    """Return a route's figures for a kind of file, by column."""
+    return {name: getattr(metrics, COLUMNS[name].attribute) for name in figure_columns(file)}
+
+
+def used(columns: Iterable[str], rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return columns without the optional ones that are empty in all rows."""
+    filled = {name for row in rows for name, value in row.items() if value not in {None, ""}}
+    optional = {name for name, column in COLUMNS.items() if column.optional}
+    return [name for name in columns if name in filled or name not in optional]

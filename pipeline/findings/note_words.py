@@ -18,7 +18,7 @@ from pipeline.findings import text
 from pipeline.findings.choices import departure_text, replanned_text, trade_off_text
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.model import Note, Place, Water
-from renew.errors import Strait
+from renew.errors import Length, Moment, Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
@@ -43,7 +43,7 @@ def note_texts(notes: Iterable[Note]) -> list[str]:
 
 
 def note_json(note: Note) -> dict[str, object]:
-    """Return a note for JSON: the sentence, its kind, its seasons, and its values."""
+    """Return a note for JSON: the sentence, its kind, its cases, and its values."""
     values = {name: note_value(value) for name, value in note.values}
     return {
         "text": note_text(note),
@@ -389,8 +389,13 @@ def _rejection(case: RunCase, rejected: renew.Rejected) -> dict[str, object]:
         "kind": type(rejected.cause).__name__ if rejected.cause else None,
         "reason": case.rejection_reason(rejected),
         "places": [note_value(water.place(place)) for place in rejected.text.places],
-        "moments": [note_value(case.case.moment(one.seconds)) for one in rejected.text.moments],
-        "lengths_m": [water.projection.scale * one.metres for one in rejected.text.lengths],
+        "moments": [
+            note_value(case.case.moment(moment.seconds))
+            for moment in rejected.text.values_of(Moment)
+        ],
+        "lengths_m": [
+            water.projection.scale * length.metres for length in rejected.text.values_of(Length)
+        ],
         "strait": None if rejected.strait is None else _strait(water, rejected.strait),
     }
 

@@ -1,7 +1,14 @@
-"""Ways that no route takes: a lower bound on the fuel of some, and straits that are shut."""
+"""Ways that no route takes: a lower bound on the fuel of some, and straits that are shut.
+
+Between two close coasts there are many gaps, most of them between rocks and useless. Gaps are taken
+in the order of their width, and each gap between two parts of the land joins them into one: wider
+gaps between these two are skipped (Kruskal, *On the shortest spanning subtree of a graph*, 1956).
+The remaining gaps are the bottlenecks: if they are wide enough, every strait is wide enough. The
+detour around a shut gap depends on the smaller of the two parts.
+"""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,8 +17,7 @@ import shapely
 from shapely import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray, Geometries
-from pipeline.findings.islands import narrow_gaps
+from pipeline._types import FloatArray, Geometries, IndexArray
 from pipeline.geo.coast import in_small_pieces
 from pipeline.model import (
     Case,
@@ -26,7 +32,7 @@ from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import Strait
 from renew.inputs.current import as_field
-from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
+from renew.voyage.voyage import Voyage, Waters
 
 # Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
 # the suitable strip with the least area is used.
@@ -46,15 +52,15 @@ _LONGER = 1.05
 # Largest distance between a strait's bank and the original land, as a multiple of the sum of margin
 # and tolerance.
 _AT_LAND = 1.1
-# Largest width at which a shut strait counts as shut by its own banks, as a multiple of the width
-# that the planner needs. The excess allows for the errors of margin, tolerance and projection. A
-# wider strait without water is part of enclosed water, which is land to the planner. The straits
-# that enclose this water are found separately.
+# A shut strait up to this multiple of the width that the planner needs is shut by its own banks.
+# The excess allows for the errors of margin, tolerance and projection. A wider strait without water
+# lies in enclosed water, which is land to the planner; the straits that enclose it are found
+# separately.
 _COVERED = 1.05
 # Open width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0
-# Fuel of the other side, as a multiple of the best route's, at which its bound ends: a bound just
-# above the best route's fuel proves the side, but doesn't say by how much.
+# The search for a bound ends at this multiple of the best route's fuel. At the fuel itself it would
+# prove the side, but would not say by how much.
 _PLAIN = 1.01
 
 
@@ -80,8 +86,6 @@ def side_bound(
     strip = strip_across(shapely.Point(main.x, main.y), paths[0], others, case)
     if strip is None:
         return None
-    choice = _choice(case, result)
-    is_loose = choice != NO_CHOICE and case.departure is not None
     elsewhere = case.chart.with_open_water(case.chart.less(case.chart.open_water, strip))
     voyage = Voyage(
         Waters(elsewhere, as_field(case.current)),
@@ -90,27 +94,33 @@ def side_bound(
         case.goal,
         options.drift,
         via=case.via,
-        choice=choice,
     )
+    voyage = _with_price(voyage, case, result)
+    is_loose = voyage.price < math.inf and case.departure is not None
     cells = _CELLS_AT_CHOICE if is_loose else _CELLS
     fuel = fuel_lower_bound(voyage, cells, _PLAIN * result.routes[0].fuel)
     return fuel if math.isfinite(fuel) else None
 
 
-def _choice(case: Case, result: CaseResult) -> SpeedsByLeg:
-    """Return the case's choice of speeds, with a price of time.
+def _with_price(voyage: Voyage, case: Case, result: CaseResult) -> Voyage:
+    """Return the voyage with the case's choice of speeds, if it has one, at a price of time.
 
     The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
     arrival time at the best route's arrival.
     """
     speeds, planned = case.speeds, result.plan
     if speeds is None or planned is None or planned.trade_off is None:
-        return NO_CHOICE
+        return voyage
     arrivals, fuels = planned.trade_off.arrivals, planned.trade_off.fuels
     if len(arrivals) < 2:
-        return NO_CHOICE
+        return voyage
     slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
-    return SpeedsByLeg(speeds.least, max(0.0, -float(slope)), result.arrive_by_s)
+    return replace(
+        voyage,
+        least_speed=speeds.least,
+        price=max(0.0, -float(slope)),
+        deadline=result.arrive_by_s,
+    )
 
 
 def strip_across(
@@ -162,8 +172,8 @@ def shut_straits(
     )
     finder = _StraitFinder(planned[0][0].water, stops[0], stops[-1], simplified, padding)
     rejected = finder.rejected([result for _, result in planned])
-    found = [*rejected, *finder.shut(_LONGER * max(best))]
-    return tuple(sorted(found, key=lambda strait: -strait.width_m))
+    straits = [*rejected, *finder.shut(_LONGER * max(best))]
+    return tuple(sorted(straits, key=lambda strait: -strait.width_m))
 
 
 @dataclass(frozen=True)
@@ -205,14 +215,14 @@ class _StraitFinder:
         land = np.array(water.land, dtype=object)
         near = land[shapely.intersects(water.chart.extent, land)]
         least = _PART_SHARE * float(np.linalg.norm(self.goal - self.start))
-        for gap in narrow_gaps(near, self.needed_m / scale, self._is_shut):
-            middle = gap.line.mean(axis=0)
+        for line, part in narrow_gaps(near, self.needed_m / scale, self._is_shut):
+            middle = line.mean(axis=0)
             way = sum(np.linalg.norm(middle - end) for end in (self.start, self.goal))
             is_inside = shapely.intersects_xy(water.chart.extent, *middle)
-            if gap.part_m < least or way > longest or not is_inside:
+            if part < least or way > longest or not is_inside:
                 continue
-            by_margin = self._open_water(gap.line) * scale <= _NO_WATER_M
-            width_m = water.projection.geodesic_length_m(gap.line)
+            by_margin = self._open_water(line) * scale <= _NO_WATER_M
+            width_m = water.projection.geodesic_length_m(line)
             needed_m = self.margins_m if by_margin else self.needed_m
             if width_m <= _COVERED * needed_m:
                 yield self._strait(middle, width_m, needed_m, is_margin=by_margin)
@@ -262,7 +272,7 @@ class _StraitFinder:
         width_m = projection.geodesic_length_m(strait.gap) + to_land.sum() * projection.scale
         return self._strait(
             strait.gap.mean(axis=0), width_m, self.margins_m + taken_m, is_margin=False,
-            seasons=(case,),
+            cases=(case,),
         )  # fmt: skip
 
     def _strait(
@@ -272,19 +282,19 @@ class _StraitFinder:
         needed_m: float,
         *,
         is_margin: bool,
-        seasons: tuple[str, ...] = (),
+        cases: tuple[str, ...] = (),
     ) -> ShutStrait:
         """Return a strait whose middle is a planar point (2,)."""
         lon, lat = self.water.projection.to_lonlat(middle).tolist()
         return ShutStrait(
-            lon, lat, float(width_m), float(needed_m), "margin" if is_margin else "padding", seasons
+            lon, lat, float(width_m), float(needed_m), "margin" if is_margin else "padding", cases
         )
 
     def _is_shut(self, line: FloatArray) -> bool:
         """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""
         scale = self.water.projection.scale
         width = float(np.linalg.norm(line[1] - line[0]))
-        # A gap narrower than margins and padding is shut; any other needs a test on the zone.
+        # A gap narrower than margins and padding is shut. Any other is measured.
         if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
             return True
         return self._open_water(line) <= max(2 * self.padding, _NO_WATER_M / scale)
@@ -300,3 +310,76 @@ def _combined(one: ShutStrait, other: ShutStrait) -> ShutStrait:
     """Combine two records of one strait: the larger needed width, and the cases of both."""
     seasons = tuple(dict.fromkeys((*one.seasons, *other.seasons)))
     return replace(max(one, other, key=lambda strait: strait.needed_m), seasons=seasons)
+
+
+# Coasts are divided into pieces of this many segments, to measure distances between pieces.
+_PIECE = 16
+
+
+def narrow_gaps(
+    land: Geometries, widest_m: float, is_shut: Callable[[FloatArray], bool]
+) -> list[tuple[FloatArray, float]]:
+    """Return the shut bottlenecks between parts of the land (valid planar polygons).
+
+    Each has a line (2, 2) from coast to coast, and the size of the smaller part: the diagonal of
+    its bounds. Gaps up to `widest_m` wide count, the narrowest first; `is_shut` takes a line.
+    """
+    from scipy.cluster.hierarchy import DisjointSet
+
+    bodies = shapely.get_parts(shapely.disjoint_subset_union_all(land))
+    if len(bodies) < 2:
+        return []
+    close, owner = _close_pairs(bodies, widest_m)
+    parts, bounds = DisjointSet(range(len(bodies))), shapely.bounds(bodies).reshape(-1, 2, 2)
+    gaps = []
+    for coasts, pair in zip(close, owner.tolist(), strict=True):
+        one, other = (parts[body] for body in pair)
+        if one == other:
+            continue
+        line = shapely.get_coordinates(shapely.shortest_line(*coasts))
+        if is_shut(line):
+            both = bounds[[one, other]]
+            gaps.append((line, float(np.linalg.norm(np.diff(both, axis=1), axis=-1).min())))
+            parts.merge(one, other)
+            bounds[parts[one]] = both[:, 0].min(axis=0), both[:, 1].max(axis=0)
+    return gaps
+
+
+def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[Geometries, IndexArray]:
+    """Return the closest pieces of coast (n, 2) of bodies that are close, and the bodies (n, 2).
+
+    The closest bodies come first.
+    """
+    pieces, owner = _pieces(bodies)
+    if not len(pieces):
+        return np.empty((0, 2), dtype=object), np.empty((0, 2), dtype=np.intp)
+    # By their boxes first: nearly all close pieces are neighbours on one coast.
+    boxes = shapely.box(*(shapely.bounds(pieces) + widest_m * np.array([-1, -1, 1, 1])).T)
+    one, other = shapely.STRtree(pieces).query(boxes)
+    differ = owner[one] < owner[other]
+    one, other = one[differ], other[differ]
+    apart = shapely.distance(pieces[one], pieces[other])
+    near = apart <= widest_m
+    one, other, apart = one[near], other[near], apart[near]
+    order = np.lexsort((apart, owner[other], owner[one]))
+    pairs = np.stack([owner[one[order]], owner[other[order]]], axis=-1)
+    is_first = np.ones(len(pairs), dtype=bool)
+    is_first[1:] = (pairs[1:] != pairs[:-1]).any(axis=1)
+    nearest = order[is_first]
+    nearest = nearest[np.argsort(apart[nearest], kind="stable")]
+    both = np.stack([one[nearest], other[nearest]], axis=-1)
+    return pieces[both], owner[both]
+
+
+def _pieces(bodies: Geometries) -> tuple[Geometries, IndexArray]:
+    """Divide the coasts of bodies into lines (n,) of some segments, with their bodies (n,)."""
+    rings, body = shapely.get_rings(bodies, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    number = np.arange(len(points)) - np.searchsorted(ring, ring)
+    last = np.searchsorted(ring, ring, side="right") - 1
+    begins = np.flatnonzero((number % _PIECE == 0) & (np.arange(len(points)) < last))
+    counts = np.minimum(_PIECE, last[begins] - begins) + 1
+    piece = np.repeat(np.arange(len(begins)), counts)
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    lines = shapely.linestrings(points[begins[piece] + within], indices=piece)
+    return np.atleast_1d(lines), body[ring[begins]]

@@ -1,4 +1,4 @@
-"""The finished run and its cases, as all formats read them, and what is not known about them."""
+"""A finished run and its cases, as all formats read them, and notes on what is not known."""
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -37,13 +37,13 @@ def has_all_depths(metrics: model.RouteMetrics) -> bool:
 
 
 def route_notes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
-    """Note how much of a case's routes lacks depths, and how much lacks data of the current."""
-    found = []
+    """Note for how much of a case's routes depths, or data of the current, are lacking."""
+    notes = []
     for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
         every = ((row.rank, getattr(row, name)) for row in rows)
         if shares := tuple(one for one in every if one[1] > NO_SHARE):
-            found.append(Note.of(kind, first=rows[0].rank, shares=shares))
-    return found
+            notes.append(Note.of(kind, first=rows[0].rank, shares=shares))
+    return notes
 
 
 def strait_notes(straits: Sequence[model.ShutStrait]) -> Iterator[Note]:
@@ -74,7 +74,7 @@ def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
     for one in crossings:
         place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
         there.setdefault(place, []).append(one)
-    found = [
+    places = [
         (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
         for group in there.values()
     ]
@@ -85,7 +85,7 @@ def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
             place=Place(longest.lon, longest.lat),
             routes=tuple(sorted({one.rank for one in group})),
         )
-        for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
+        for _, longest, group in sorted(places, key=lambda one: (one[0], -one[1].length_m))
     )
 
 
@@ -128,7 +128,7 @@ class RunCase:
 
     @property
     def name(self) -> str:
-        """The name of its season."""
+        """Its name."""
         return self.result.name
 
     @property
@@ -160,7 +160,7 @@ class RunCase:
 
     @property
     def spec(self) -> Season:
-        """The season as the scenario describes it."""
+        """The case as the scenario describes it."""
         return self.scenario.seasons[self.number]
 
     @cached_property
@@ -225,12 +225,12 @@ class RunCase:
 
     def crossings(self, rank: int) -> FloatArray:
         """Return middles (n, 2), lon/lat, of a route's parts over the second shoreline's land."""
-        found = [(one.lon, one.lat) for one in self.measures.shore_crossings if one.rank == rank]
-        return np.array(found, dtype=float).reshape(-1, 2)
+        places = [(one.lon, one.lat) for one in self.measures.shore_crossings if one.rank == rank]
+        return np.array(places, dtype=float).reshape(-1, 2)
 
     @property
     def title(self) -> str:
-        """Its name for readers, with the season's title if that adds anything.
+        """Its name for readers, with the title in the scenario if that adds anything.
 
         A stand-in has no title: "July 2024" would be wrong for it.
         """
@@ -306,8 +306,8 @@ class RunResult:
     straits : the shut straits, the widest first.
     departures : the choices of when to leave, for the cases that leave it open.
     coverages : from where along each case's best route a haven is reached, if any are given.
-    side_bounds : waits for the bounds of cases whose routes differ in their side, which are still
-        being computed while files that don't show them are written.
+    side_bounds : returns the bounds of cases whose routes differ in their side, by name. It may
+        wait: they are computed while files that don't show them are written.
     kept : what several output files need and is computed once, such as waypoints.
     """
 
@@ -459,7 +459,7 @@ def _projected(
 
 
 def addressed(notes: Iterable[Note], scenario: Scenario) -> tuple[Note, ...]:
-    """Return notes that name their seasons only where the scenario has several."""
+    """Return notes that name their cases only where the scenario has several."""
     if len(scenario.seasons) > 1:
         return tuple(notes)
     return tuple(note.about() for note in notes)

@@ -96,8 +96,8 @@ def times_at(along: FloatArray, path: FloatArray, ranked: RankedRoute) -> FloatA
     The path is the route's own, or has more points; the goal is reached at the route's duration.
     """
     points = densified(path, _PIECE_M / ranked.case.case.projection.scale)
-    found = steps(points, ranked)
-    return np.asarray(np.interp(along, metres_along(points), cumulative(found.true_s)))
+    taken = steps(points, ranked)
+    return np.asarray(np.interp(along, metres_along(points), cumulative(taken.true_s)))
 
 
 def steps(points: FloatArray, ranked: RankedRoute) -> Steps:
@@ -106,9 +106,9 @@ def steps(points: FloatArray, ranked: RankedRoute) -> Steps:
     In a changing current they are the planner's own times, at which it read the current.
     """
     case, drift = ranked.case.case, ranked.case.scenario.planner.drift
-    found = sailed(*at_speeds_sailed(points, ranked), case, drift)
-    times = found.true_s if case.current.is_steady else found.planner_s
-    return replace(found, true_s=times * (ranked.metrics.duration_s / times.sum()))
+    taken = sailed(*at_speeds_sailed(points, ranked), case, drift)
+    times = taken.true_s if case.current.is_steady else taken.planner_s
+    return replace(taken, true_s=times * (ranked.metrics.duration_s / times.sum()))
 
 
 def sailed(
@@ -167,7 +167,7 @@ def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
 
 
 def steps_along_legs(line: FloatArray, ranked: RankedRoute) -> Steps:
-    """Return steps between points (n, 2) of the plane along a route's legs, as it can be sailed."""
+    """Return steps between points (n, 2) along a route's legs, with the bow into cross-currents."""
     pieces, first, speeds = at_speeds_sailed(line, ranked)
 
     def at(speeds: FloatArray) -> Steps:
@@ -176,32 +176,32 @@ def steps_along_legs(line: FloatArray, ranked: RankedRoute) -> Steps:
     choice = ranked.case.case.speeds
     if choice is None:
         return at(speeds)
-    found = at(speeds)
-    if not np.isfinite(found.true_s).all():
+    taken = at(speeds)
+    if not np.isfinite(taken.true_s).all():
         # A speed chosen by the projected drift can be too low to head into the cross-current.
         speeds = np.full_like(speeds, choice.most)
-        found = at(speeds)
+        taken = at(speeds)
     length = np.linalg.norm(np.diff(line, axis=0), axis=1)
     moved = length > 0
     for _ in range(_ROUNDS):
-        late = found.true_s.sum() / ranked.metrics.duration_s
+        late = taken.true_s.sum() / ranked.metrics.duration_s
         if abs(late - 1) <= _IN_TIME:
             break
         # Relative change of the time, for a relative change of all speeds.
-        slopes = (found.through_water_m_s * found.planner_s**2)[moved] / length[moved]
-        change = late ** (found.planner_s.sum() / slopes.sum())
+        slopes = (taken.through_water_m_s * taken.planner_s**2)[moved] / length[moved]
+        change = late ** (taken.planner_s.sum() / slopes.sum())
         speeds = np.clip(speeds * change, choice.least, choice.most)
         nearer = at(speeds)
         if not np.isfinite(nearer.true_s).all():
             break
-        found = nearer
-    return found
+        taken = nearer
+    return taken
 
 
 # Maximum distance between points, true metres: between them the plane has one scale, and geodesics
 # are its straight lines.
 _MAX_STEP_M = 10_000.0
-# Factor on the least planar distance up to which coast may still be the nearest on earth.
+# Coast up to this multiple of the least planar distance may be the nearest on earth.
 _NEAREST_FACTOR = 1.02
 # Distance, as a share of the route's length, below which two points count as one.
 _SAME_POINT = 1e-9
@@ -249,100 +249,79 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
     path = path[np.append(True, np.diff(path, axis=0).any(axis=1))]
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     sampled = densified(path, min(length / points, _MAX_STEP_M / projection.scale))
-    coast = coast_index(case.water.land)
-    closest = coast.closest_approach(sampled, projection)
+    coast = coast_edges(case.water.land)
+    closest = closest_approach(coast, sampled, projection)
     if closest is not None:
-        sampled = _with_point(sampled, closest.point, _SAME_POINT * length)
+        sampled = _with_point(sampled, closest[0], _SAME_POINT * length)
 
     lonlat = projection.to_lonlat(sampled)
     azimuth, back, step_m = pyproj.Geod(ellps="WGS84").inv(
         lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
     )
-    found = steps(sampled, ranked)
+    taken = steps(sampled, ranked)
     way = np.diff(sampled, axis=0)
     tangent = _with_last_repeated(way / np.linalg.norm(way, axis=1, keepdims=True))
-    step_fuel = found.planner_s * found.through_water_m_s**case.vessel.fuel_exponent
-    clearance = coast.clearance_m(sampled, projection, crosses_land=metrics.land_m > 0)
+    step_fuel = taken.planner_s * taken.through_water_m_s**case.vessel.fuel_exponent
+    clearance = _to_coast_m(coast, sampled, projection)
     if closest is not None:
-        nearest = np.argmin(np.linalg.norm(sampled - closest.point, axis=1))
+        if metrics.land_m > 0:
+            tree = shapely.STRtree(shapely.points(sampled))
+            land = np.array(case.water.land, dtype=object)
+            clearance[tree.query(land, predicate="intersects")[1]] = 0.0
+        nearest = np.argmin(np.linalg.norm(sampled - closest[0], axis=1))
         # A route over land has no clearance, however far the coastline may be.
-        least_m = 0.0 if metrics.land_m > 0 else closest.clearance_m
+        least_m = 0.0 if metrics.land_m > 0 else closest[1]
         clearance = np.maximum(clearance, least_m)
         clearance[nearest] = least_m
     return RouteProfile(
         distance_m=cumulative(step_m),
-        time_s=cumulative(found.true_s),
+        time_s=cumulative(taken.true_s),
         lonlat=lonlat,
         course_deg=np.append(azimuth, back[-1] + 180) % 360,
         fuel=cumulative(step_fuel * (metrics.fuel / step_fuel.sum())),
-        speed_m_s=_with_last_repeated(step_m / found.true_s),
-        through_water_m_s=_with_last_repeated(found.through_water_m_s),
+        speed_m_s=_with_last_repeated(step_m / taken.true_s),
+        through_water_m_s=_with_last_repeated(taken.through_water_m_s),
         current_along_m_s=(
-            case.current.velocity(sampled, cumulative(found.planner_s)) * tangent
+            case.current.velocity(sampled, cumulative(taken.planner_s)) * tangent
         ).sum(axis=1),
         clearance_m=clearance,
     )
 
 
-@dataclass(frozen=True)
-class ClosestApproach:
-    """The point (2,) of a route where land is nearest, and its distance in true metres."""
+def _to_coast_m(coast: shapely.STRtree, xy: FloatArray, projection: Projection) -> FloatArray:
+    """Return true metres (n,) from points (n, 2) to the nearest edge of a coast; inf without."""
+    if not len(coast):
+        return np.full(len(xy), math.inf)
+    points = shapely.points(xy)
+    nearest = coast.query_nearest(points, all_matches=False)[1]
+    gaps = shapely.shortest_line(points, coast.geometries[nearest])
+    ends = projection.to_lonlat(shapely.get_coordinates(gaps))
+    return np.asarray(pyproj.Geod(ellps="WGS84").inv(*ends[::2].T, *ends[1::2].T)[2])
 
-    point: FloatArray
-    clearance_m: float
 
+def closest_approach(
+    coast: shapely.STRtree, sampled: FloatArray, projection: Projection
+) -> tuple[FloatArray, float] | None:
+    """Return the point (2,) of a line (n, 2) where a coast is nearest, and how far, true metres.
 
-@dataclass(frozen=True)
-class CoastIndex:
-    """Land, its edges, and a tree of the edges that finds the nearest one."""
-
-    land: Geometries
-    edges: Geometries
-    tree: shapely.STRtree
-
-    def clearance_m(
-        self, sampled: FloatArray, projection: Projection, *, crosses_land: bool
-    ) -> FloatArray:
-        """Return true metres (n,) from points (n, 2) to the coast; 0 on land if `crosses_land`."""
-        if not len(self.edges):
-            return np.full(len(sampled), math.inf)
-        points = shapely.points(sampled)
-        nearest = self.tree.query_nearest(points, all_matches=False)[1]
-        ends = projection.to_lonlat(
-            shapely.get_coordinates(shapely.shortest_line(points, self.edges[nearest]))
-        )
-        near, far = ends[::2], ends[1::2]
-        clearance = np.asarray(
-            pyproj.Geod(ellps="WGS84").inv(near[:, 0], near[:, 1], far[:, 0], far[:, 1])[2]
-        )
-        if crosses_land:
-            clearance[shapely.STRtree(points).query(self.land, predicate="intersects")[1]] = 0.0
-        return clearance
-
-    def closest_approach(
-        self, sampled: FloatArray, projection: Projection
-    ) -> ClosestApproach | None:
-        """Return the closest approach to the coast of a line (n, 2); None without a coast.
-
-        The nearest coast in the plane need not be the nearest on earth, so all gaps that are nearly
-        as small are measured.
-        """
-        if not len(self.edges):
-            return None
-        steps = _segments(sampled)
-        apart = self.tree.query_nearest(steps, return_distance=True, all_matches=False)[1]
-        middles = projection.to_lonlat((sampled[:-1] + sampled[1:]) / 2)
-        true = apart / projection.point_scale(middles)
-        near = true <= true.min() * _NEAREST_FACTOR
-        step, edge = self.tree.query(
-            steps[near], predicate="dwithin", distance=apart[near] * _NEAREST_FACTOR
-        )
-        gaps = shapely.get_coordinates(
-            shapely.shortest_line(steps[near][step], self.edges[edge])
-        ).reshape(-1, 2, 2)
-        lengths = [projection.geodesic_length_m(gap) for gap in gaps]
-        best = int(np.argmin(lengths))
-        return ClosestApproach(gaps[best, 0], lengths[best])
+    None without a coast. The nearest coast in the plane need not be the nearest on earth, so all
+    gaps that are nearly as small are measured.
+    """
+    if not len(coast):
+        return None
+    steps = _segments(sampled)
+    apart = coast.query_nearest(steps, return_distance=True, all_matches=False)[1]
+    middles = projection.to_lonlat((sampled[:-1] + sampled[1:]) / 2)
+    true = apart / projection.point_scale(middles)
+    near = true <= true.min() * _NEAREST_FACTOR
+    step, edge = coast.query(
+        steps[near], predicate="dwithin", distance=apart[near] * _NEAREST_FACTOR
+    )
+    lines = shapely.shortest_line(steps[near][step], coast.geometries[edge])
+    gaps = shapely.get_coordinates(lines).reshape(-1, 2, 2)
+    lengths = [projection.geodesic_length_m(gap) for gap in gaps]
+    best = int(np.argmin(lengths))
+    return gaps[best, 0], lengths[best]
 
 
 def edges_of(areas: Sequence[shapely.Geometry]) -> FloatArray:
@@ -354,10 +333,9 @@ def edges_of(areas: Sequence[shapely.Geometry]) -> FloatArray:
 
 # Polygons are hashed by their coordinates, which takes a hundredth of the time of the tree.
 @lru_cache(maxsize=2)
-def coast_index(land: tuple[shapely.Polygon, ...]) -> CoastIndex:
-    """Index the edges of the land."""
-    edges = shapely.linestrings(edges_of(land))
-    return CoastIndex(np.array(land, dtype=object), edges, shapely.STRtree(edges))
+def coast_edges(land: tuple[shapely.Polygon, ...]) -> shapely.STRtree:
+    """Return a tree of the edges of the land, each a line."""
+    return shapely.STRtree(shapely.linestrings(edges_of(land)))
 
 
 def _with_point(line: FloatArray, point: FloatArray, same: float) -> FloatArray:

@@ -32,10 +32,10 @@ _KILOMETRES_FROM_M = 1_000.0
 _DAY_S = 86_400.0
 _HOUR_S = 3_600.0
 _MINUTE_S = 60.0
-# Minimum fuel, unit, and name of the unit: fuel may be any number, as the vessel's rate sets its
+# Least fuel for a unit, the unit, and its name. Fuel may be any number: the vessel's rate sets its
 # unit.
 _FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))
-# Part of the last decimal place that counts as the value's own rounding error.
+# Part of the last decimal place below which a difference is the value's own rounding error.
 _EXACT = 1e-6
 
 
@@ -232,27 +232,24 @@ def gap_text(shares: GapShares, no_go: str) -> str:
     )
 
 
-def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Moment], str]:
-    """Return how to spell the planner's moments: as dates, or in seconds without a departure.
-
-    One second of the planner is `stretch` true seconds.
-    """
-    if departure is None:
-        return in_seconds
-    return lambda moment: exact_moment_text(
-        departure + timedelta(seconds=round(stretch * moment.seconds))
-    )
-
-
 def planner_text(text: Text, case: Case, stretch: float = 1.0) -> str:
-    """Write a message of the planner with positions, dates and true lengths for readers."""
-    moments, scale = moments_of(case.departure, stretch), case.projection.scale
+    """Write a message of the planner with positions, dates and true lengths for readers.
+
+    One second of the planner is `stretch` true seconds. Moments of a case without a departure stay
+    in seconds.
+    """
+    departure, scale = case.departure, case.projection.scale
+
+    def dated(moment: Moment) -> str:
+        if departure is None:
+            return in_seconds(moment)
+        return exact_moment_text(departure + timedelta(seconds=round(stretch * moment.seconds)))
 
     def lasting(one: Duration) -> str:
         return str(Duration(one.seconds * largest_stretch(case)))
 
     words = text.spelled(
-        case.water.place_text, moments, lambda one: distance(scale * one.metres), lasting
+        case.water.place_text, dated, lambda one: distance(scale * one.metres), lasting
     )
     return " ".join(words.split())
 
@@ -273,22 +270,22 @@ def exact_moment_text(moment: datetime) -> str:
     return moment_text(moment) if is_whole else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def season_name(season: str) -> str:
-    """Name a season for readers: "july", or its departure if it has no name."""
-    departure = named_departure(season)
-    return season if departure is None else f"departure {moment_text(departure)}"
+def season_name(case: str) -> str:
+    """Name a case for readers: "july", or its departure if it has no name."""
+    departure = named_departure(case)
+    return case if departure is None else f"departure {moment_text(departure)}"
 
 
-def seasons_text(seasons: Sequence[str]) -> str:
-    """Name seasons in a message: "season 'july'", "departure 2026-11-22 06:00 UTC"."""
-    if any(named_departure(season) for season in seasons):
-        return ", ".join(map(season_name, seasons))
-    return f"season{'s' * (len(seasons) > 1)} {', '.join(map(repr, seasons))}"
+def seasons_text(cases: Sequence[str]) -> str:
+    """Name cases in a message: "season 'july'", "departure 2026-11-22 06:00 UTC"."""
+    if any(map(named_departure, cases)):
+        return ", ".join(map(season_name, cases))
+    return f"season{'s' * (len(cases) > 1)} {', '.join(map(repr, cases))}"
 
 
-def season_text(season: str) -> str:
-    """Name one season in a message."""
-    return seasons_text([season])
+def season_text(case: str) -> str:
+    """Name one case in a message."""
+    return seasons_text([case])
 
 
 # Characters in an attribute that a reader of XML would take for other white space.

@@ -1,9 +1,8 @@
 """`passage-plan.pdf`: the best route of each case for a navigator's files, to print on A4."""
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -22,9 +21,9 @@ from pipeline.findings.text import (
     to_minute,
     turns_text,
 )
+from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.figures.chart_map import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
-from pipeline.formats.palette import COLOURS, season_colour
 from pipeline.formats.passage.missions import MAX_VERTICES, autopilot
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -43,13 +42,11 @@ from pipeline.formats.tables import (
     distance_text,
     has_speeds,
     haven_facts,
-    headings,
+    leg_headings,
     printed_rows,
     rows,
     tightest_text,
 )
-
-_RowT = TypeVar("_RowT", bound=Sequence[str])
 
 # Width of a page, A4 landscape, points.
 _WIDTH = 841.9
@@ -127,7 +124,7 @@ def _case_pages(case: RunCase) -> Iterator[Figure]:
         if number == 1:
             _paragraphs(page, facts, top)
             _put_map(page, points, top + 6)
-        end = _put_table(page, headings(points), _COLUMNS, part, below if number == 1 else top)
+        end = _put_table(page, leg_headings(points), _COLUMNS, part, below if number == 1 else top)
         if number == len(pages):
             _paragraphs(page, notes, end - _NOTES_GAP_PT, size=_SMALL)
         yield page
@@ -145,13 +142,13 @@ def _haven_pages(case: RunCase) -> Iterator[Figure]:
         if number == 1:
             _paragraphs(page, facts, top)
         level = below if number == 1 else top
-        _put_table(page, [*PRINTED.values()], _HAVEN_COLUMNS, part, level)
+        _put_table(page, PRINTED, _HAVEN_COLUMNS, part, level)
         yield page
 
 
 def _paged(
-    table: Sequence[_RowT], first_top: float, top: float, notes_pt: float
-) -> Iterator[Sequence[_RowT]]:
+    table: list[dict[str, str]], first_top: float, top: float, notes_pt: float
+) -> Iterator[list[dict[str, str]]]:
     """Yield the rows of each page, whose tables begin at `first_top` and then at `top`, points.
 
     The last page keeps room for the notes.
@@ -197,7 +194,7 @@ def _facts(points: Waypoints) -> list[str]:
         f"Way: {way}, {passage}.",
         _times_text(points),
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
-        tightest_text(points),
+        tightest_text(points.ranked),
         _current_text(case),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
         _scale_text(case.scenario.scale),
@@ -230,7 +227,7 @@ def _current_text(case: RunCase) -> str:
 
 
 def _autopilot_texts(case: RunCase) -> Iterator[str]:
-    """Yield what has to be set on an autopilot because the mission's file can't tell it."""
+    """Yield what the navigator has to set on an autopilot, because the mission's file can't."""
     told = autopilot(case)
     if told.fence is None:
         yield (
@@ -271,25 +268,28 @@ def _times_text(points: Waypoints) -> str:
 
 def _put_table(
     page: Figure,
-    headings: Sequence[str],
+    headings: Mapping[str, str],
     columns: Sequence[int],
-    part: Sequence[Sequence[str]],
+    part: list[dict[str, str]],
     top: float,
 ) -> float:
-    """Write rows below `top`, points, under headings, in columns' widths; return the lower end."""
-    used = [index for index, text in enumerate(headings) if text]
-    widths = np.array(columns)[used]
+    """Write rows below `top`, points, under headings, in columns' widths; return the lower end.
+
+    A column without a heading is left out.
+    """
+    used = {name: width for name, width in zip(headings, columns, strict=True) if headings[name]}
+    widths = np.array([*used.values()])
     widths += (sum(columns) - widths.sum()) // len(used)
     lefts = _MARGIN + np.cumsum(widths) - widths
-    for left, index in zip(lefts, used, strict=True):
-        _write(page, headings[index], (left, top), _SMALL, bold=True)
+    for left, name in zip(lefts, used, strict=True):
+        _write(page, headings[name], (left, top), _SMALL, bold=True)
     level = top - _HEADINGS_PT
     for row in part:
         rule = [(level + 11) / _HEIGHT] * 2
         span = [_MARGIN / _WIDTH, 1 - _MARGIN / _WIDTH]
         page.add_artist(Line2D(span, rule, color=COLOURS["grid"], linewidth=0.5))
-        for left, index in zip(lefts, used, strict=True):
-            _write(page, row[index], (left, level + 7), _PLAIN)
+        for left, name in zip(lefts, used, strict=True):
+            _write(page, row.get(name, ""), (left, level + 7), _PLAIN)
         level -= _ROW_PT
     return level
 

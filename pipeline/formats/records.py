@@ -1,16 +1,15 @@
-"""Records of a run for machines: `manifest.json`, and each season's current as NetCDF and GRIB.
+"""Records of a run for machines: `manifest.json`, and each case's current as NetCDF and GRIB.
 
-A current is `uo` and `vo` (y, x) at the nodes of the planner's own grid, which is regular in the
-planner's plane and not in degrees: bilinear interpolation between these nodes is the planner's
-current, and any other grid would have another current between its nodes. A current that changes has
-(time, y, x). Each season has a file of its own, since seasons may come from different sources on
-different grids, and GDAL, and so QGIS, places a grid only if its lines are evenly spaced.
+A NetCDF file holds the current at the nodes of the planner's own grid, so that bilinear
+interpolation between them gives exactly the planner's current. The grid is regular in the planner's
+plane and not in degrees. `uo` and `vo` are (y, x), or (time, y, x) for a current that changes. Each
+case has a file of its own, because cases may have sources on different grids, and GDAL, and so
+QGIS, places a grid only if its lines are evenly spaced.
 
-GRIB 1 is what plotter programs such as OpenCPN draw over the chart. It is written here and not by a
-library: the format is a few bytes, all values have 16 bits, and whoever takes a route to a plotter
-need not install ecCodes, of 175 MB. Source: the WMO's Manual on Codes (I.2: FM 92 GRIB, edition 1).
-OpenCPN needs the components as 49 and 50, and takes fields that are packed in no bits, as libraries
-write those of one value, for noise.
+Plotter programs such as OpenCPN draw GRIB 1 over the chart. It is written here and not by a
+library, so that nobody need install ecCodes, of 175 MB: a file is a few headers and values of 16
+bits. Source: the WMO's Manual on Codes (I.2: FM 92 GRIB, edition 1). OpenCPN needs the parameters
+49 and 50. It shows noise where libraries pack a field of equal values in no bits.
 """
 
 import hashlib
@@ -26,7 +25,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyproj
@@ -37,7 +36,6 @@ from pipeline.findings.names import SCHEMA_VERSION, without_folders
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import MAX_STRAITS, RunCase, RunResult
 from pipeline.findings.text import json_value, os_error, write_json
-from pipeline.geo.projection import Projection
 from pipeline.machine.store import code_commit, code_hash, file_hash
 from pipeline.model import CurrentGrid
 from pipeline.model.inputs import current_hash, land_hash
@@ -48,7 +46,7 @@ from renew.kernels.current_table import CurrentTable
 # Packages whose version can change a figure or a file.
 _PACKAGES = (
     *("renew-planner", "contourpy", "copernicusmarine", "dask", "geopandas", "gpxpy", "jinja2"),
-    *("lxml", "matplotlib", "netCDF4", "networkx", "numba", "numpy", "pydantic", "pyogrio"),
+    *("lxml", "matplotlib", "netCDF4", "numba", "numpy", "pydantic", "pyogrio"),
     *("pyproj", "roaring-landmask", "scipy", "shapely", "triangle", "xarray"),
 )
 
@@ -98,8 +96,8 @@ def _gap_shares(case: RunCase) -> dict[str, object]:
     shares = case.measures.gap_shares
     if shares is None:
         return {}
-    found = {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}
-    return {"gap_shares": found | ({"tide": shares.tide} if case.scenario.tide else {})}
+    parts = {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}
+    return {"gap_shares": parts | ({"tide": shares.tide} if case.scenario.tide else {})}
 
 
 def provenance(result: RunResult) -> dict[str, object]:
@@ -136,15 +134,15 @@ def _named(argument: str) -> str:
 @cache
 def versions() -> dict[str, str]:
     """Return versions of Python, of the installed packages, and of the C libraries they use."""
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:
-            found[name] = importlib.metadata.version(name)
+            installed[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
-    found["GEOS"] = shapely.geos_version_string
-    found["PROJ"] = pyproj.proj_version_str
-    return found
+    installed["GEOS"] = shapely.geos_version_string
+    installed["PROJ"] = pyproj.proj_version_str
+    return installed
 
 
 def _inputs(result: RunResult) -> dict[str, object]:
@@ -178,7 +176,8 @@ def _inputs(result: RunResult) -> dict[str, object]:
     }
 
 
-Dataset = Any  # netCDF4 has no types
+# A variable of a file: its dimensions, values and attributes.
+_Variable: TypeAlias = tuple[tuple[str, ...], Any, Mapping[str, Any]]
 
 _CONVENTIONS = "CF-1.11"
 _REFERENCES = "RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways, AAAI 2026"
@@ -215,21 +214,46 @@ def write_currents(case: RunCase, path: Path) -> None:
     OSError
         The file can't be written.
     """
+    import xarray as xr
+
     grid, planned = case.source_grid, case.case
     table, projection = planned.current.table(planned.chart.bounds), planned.projection
     lonlat = projection.to_lonlat(np.stack(np.meshgrid(table.x, table.y), axis=-1))
-    import netCDF4
-
+    filled = ~grid.cells.at(lonlat.reshape(-1, 2)).reshape(lonlat.shape[:2])
+    time = _time(grid, table, planned.departure)
+    velocity = np.empty((len(table.times), *lonlat.shape), dtype="f4")
+    for step, planar in enumerate(table.uv):
+        velocity[step] = projection.rotate_to_lonlat(lonlat, planar)
+    changes = len(table.times) > 1
+    dimensions = ("time", "y", "x") if changes else ("y", "x")
+    coordinates = "time lat lon" if time and not changes else "lat lon"
+    plane = pyproj.CRS.from_user_input(projection.crs)
+    content = {
+        "crs": ((), np.int32(0), plane.to_cf() | {"long_name": "the planner's plane, conformal"}),
+        **_axes(plane, projection.scale, table),
+        "lon": (("y", "x"), lonlat[..., 0], _DEGREES["lon"]),
+        "lat": (("y", "x"), lonlat[..., 1], _DEGREES["lat"]),
+        "filled": (("y", "x"), filled.astype("i1"), _FILLED),
+        **time,
+    }
+    for component, (name, direction) in enumerate((("uo", "eastward"), ("vo", "northward"))):
+        about = {
+            "standard_name": f"surface_{direction}_sea_water_velocity",
+            "long_name": f"{direction} surface current",
+            "units": "m s-1",
+            "grid_mapping": "crs",
+            "coordinates": coordinates,
+            "ancillary_variables": "filled",
+        }
+        content[name] = (dimensions, (velocity if changes else velocity[0])[..., component], about)
+    packed = {"zlib": True, "shuffle": True}
+    encoding = {
+        name: {"_FillValue": None} | (packed if "x" in of and "y" in of else {})
+        for name, (of, *_) in content.items()
+    }
+    dataset = xr.Dataset(content, attrs=_about(case, grid))
     try:
-        with netCDF4.Dataset(path, "w", format="NETCDF4") as dataset:
-            dataset.setncatts(_about(case, grid))
-            _put_plane(dataset, projection, table)
-            for name, degrees in (("lon", lonlat[..., 0]), ("lat", lonlat[..., 1])):
-                _put(dataset, name, "f8", ("y", "x"), _DEGREES[name])[:] = degrees
-            filled = ~grid.cells.at(lonlat.reshape(-1, 2)).reshape(lonlat.shape[:2])
-            _put(dataset, "filled", "i1", ("y", "x"), _FILLED)[:] = filled
-            has_time = _put_time(dataset, grid, table, planned.departure)
-            _put_velocity(dataset, projection, table, lonlat, has_time=has_time)
+        dataset.to_netcdf(path, engine="netcdf4", encoding=encoding)
     except RuntimeError as error:  # HDF5's
         raise os_error(path, error) from error
 
@@ -264,94 +288,46 @@ def _about(case: RunCase, grid: CurrentGrid) -> dict[str, str]:
     }
 
 
-def _put_plane(dataset: Dataset, projection: Projection, table: CurrentTable) -> None:
-    """Write the nodes' coordinates in the plane's CRS, at true scale and in the CRS's own unit."""
-    plane = pyproj.CRS.from_user_input(projection.crs)
-    crs = dataset.createVariable("crs", "i4")
-    crs.setncatts({**plane.to_cf(), "long_name": "the planner's plane, conformal"})
-    crs[...] = 0
+def _axes(plane: pyproj.CRS, scale: float, table: CurrentTable) -> dict[str, _Variable]:
+    """Return the nodes' coordinates in the plane's CRS, at true scale and in the CRS's own unit."""
     unit_m = plane.axis_info[0].unit_conversion_factor
-    for name, nodes in (("x", table.x), ("y", table.y)):
-        dataset.createDimension(name, len(nodes))
-        axis = dataset.createVariable(name, "f8", (name,))
-        axis.setncatts(
+    return {
+        name: (
+            (name,),
+            nodes * (scale / unit_m),
             {
                 "standard_name": f"projection_{name}_coordinate",
                 "long_name": f"{name} in the planner's plane",
                 "units": "m" if unit_m == 1 else f"{unit_m!r} m",
                 "axis": name.upper(),
-            }
+            },
         )
-        axis[:] = nodes * (projection.scale / unit_m)
+        for name, nodes in (("x", table.x), ("y", table.y))
+    }
 
 
-def _put_time(
-    dataset: Dataset, grid: CurrentGrid, table: CurrentTable, departure: datetime | None
-) -> bool:
-    """Write the time, if it is known: CF forbids a missing one.
+def _time(
+    grid: CurrentGrid, table: CurrentTable, departure: datetime | None
+) -> dict[str, _Variable]:
+    """Return the times of a current that changes, or the one time of a steady one.
 
-    Times of a current that changes are a dimension. Otherwise there is one time, if it is known.
-    Returns whether there is a time.
+    A steady current whose time is not known has none: CF forbids a missing one.
     """
     if len(table.times) > 1:
         since = 0.0 if departure is None else departure.timestamp()
-        dataset.createDimension("time", len(table.times))
-        time = dataset.createVariable("time", "f8", ("time",))
-        time.setncatts({**_TIME, "long_name": "time", "axis": "T"})
-        time[:] = since + table.times
-        return True
+        about = {**_TIME, "long_name": "time", "axis": "T"}
+        return {"time": (("time",), since + table.times, about)}
     valid = valid_period(grid)
     if valid is None:
-        return False
-    time = dataset.createVariable("time", "f8")
-    time.setncatts({**_TIME, "long_name": "middle of the period that the values represent"})
-    time[...] = (valid.begin.timestamp() + valid.end.timestamp()) / 2
-    return True
-
-
-def _put_velocity(
-    dataset: Dataset,
-    projection: Projection,
-    table: CurrentTable,
-    lonlat: FloatArray,
-    *,
-    has_time: bool,
-) -> None:
-    """Write the current at the nodes, m/s, to east and to north: one time after the other."""
-    changes = len(table.times) > 1
-    components = [
-        _put(
-            dataset,
-            name,
-            "f4",
-            ("time", "y", "x") if changes else ("y", "x"),
-            {
-                "standard_name": f"surface_{direction}_sea_water_velocity",
-                "long_name": f"{direction} surface current",
-                "units": "m s-1",
-                "grid_mapping": "crs",
-                "coordinates": "time lat lon" if has_time and not changes else "lat lon",
-                "ancillary_variables": "filled",
-            },
+        return {}
+    middle = (valid.begin.timestamp() + valid.end.timestamp()) / 2
+    return {
+        "time": (
+            (),
+            middle,
+            {**_TIME, "long_name": "middle of the period that the values represent"},
         )
-        for name, direction in (("uo", "eastward"), ("vo", "northward"))
-    ]
-    for step, planar in enumerate(table.uv):
-        at = step if changes else slice(None)
-        east_north = projection.rotate_to_lonlat(lonlat, planar)
-        for i, component in enumerate(components):
-            component[at] = east_north[..., i]
-
-
-def _put(
-    dataset: Dataset, name: str, kind: str, dimensions: tuple[str, ...], about: Mapping[str, object]
-) -> Dataset:
-    """Return a new compressed variable without a fill value: every node gets a value."""
-    variable = dataset.createVariable(
-        name, kind, dimensions, compression="zlib", shuffle=True, fill_value=False
-    )
-    variable.setncatts(about)
-    return variable
+    }
 
 
 def valid_period(grid: CurrentGrid) -> Period | None:
@@ -403,10 +379,9 @@ _LEAST_SPAN_M_S = 1e-6
 
 
 def fields_from(case: RunCase) -> datetime | None:
-    """Return when a case's current begins: the zero of its clock, or when a steady one is given.
+    """Return the time of the first field of a case's current; None if no time is known.
 
-    A steady current is given for the departure, or without one for the middle of the period that
-    its values represent; None where neither is known.
+    It is the departure, or without one the middle of the period that the values represent.
     """
     departure = case.case.departure or case.spec.departure
     if departure is not None:

@@ -3,26 +3,31 @@
 import csv
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
-from pipeline.findings.choices import SpeedTradeOff, trade_offs
-from pipeline.findings.columns import figure_columns, figures, used
-from pipeline.findings.ensembles import (
+from pipeline.findings.choices import (
     ENSEMBLE_COLUMNS,
     ENSEMBLE_FIGURES,
     ensemble_figures,
     ensemble_rows,
+    trade_offs,
 )
 from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
-from pipeline.findings.result import RunCase, RunResult
-from pipeline.findings.route_profile import coast_index, cumulative, steps_along_legs
+from pipeline.findings.names import figure_columns, figures, used
+from pipeline.findings.result import RankedRoute, RunCase, RunResult
+from pipeline.findings.route_profile import (
+    closest_approach,
+    coast_edges,
+    cumulative,
+    steps_along_legs,
+)
 from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
 from pipeline.formats.figures.chart_map import drawable
 from pipeline.formats.passage.safe_corridor import tracks
@@ -33,7 +38,7 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     wrapped_longitude,
 )
-from pipeline.model import Case, DepartureChoice, Water
+from pipeline.model import Case, Water
 from pipeline.scenario.loading import scenario_text
 from pipeline.texts import cell
 from renew.underway.survey import State
@@ -70,11 +75,6 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, An
         writer.writerows(written)
 
 
-def utc_text(moment: datetime) -> str:
-    """Write a time as ISO 8601, UTC, to the second."""
-    return f"{moment.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
-
-
 def write_metrics(result: RunResult, path: Path) -> None:
     """Write the evaluation as CSV; departure and arrival are empty where none is given."""
     rows = []
@@ -84,99 +84,73 @@ def write_metrics(result: RunResult, path: Path) -> None:
         cells: dict[str, Any] = {"season": case.name, "current": case.current_text}
         cells |= figures(metrics, "csv")
         cells |= dict(zip(_PASSAGE, passage, strict=False))
-        found = case.result.ensemble
-        if found is not None and ranked.rank == 1:
-            cells |= ensemble_figures(found, [one.metrics for one in case.routes])
+        ensemble = case.result.ensemble
+        if ensemble is not None and ranked.rank == 1:
+            cells |= ensemble_figures(ensemble, [one.metrics for one in case.routes])
         rows.append(cells)
     columns = ["season", *figure_columns("csv"), *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
     write_csv(path, columns, rows)
 
 
 def _spelled(value: object) -> object:
-    """Return what stands in a cell, so that figures read back exactly; "" if not finite."""
+    """Return a cell's content: figures read back exactly, times are UTC; "" if not finite."""
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""
     if isinstance(value, datetime):
-        return utc_text(value)
+        return f"{value.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
     return "" if value is None else cell(value)
 
 
-def write_departures_csv(result: RunResult, path: Path) -> None:
-    """Write all departures of all cases as CSV."""
-    rows = (
-        row
-        for choice in result.departures
-        for row in _departure_rows(choice, result.case(choice.season))
-    )
-    write_csv(path, DEPARTURE_COLUMNS, rows)
-
-
-def _departure_rows(choice: DepartureChoice, case: RunCase) -> Iterator[dict[str, Any]]:
+def _departure_rows(result: RunResult) -> Iterator[dict[str, Any]]:
     """Yield a row for each departure, with its way if a planned route has the same class."""
-    ways = {one.homotopy: one.way for one in case.measures.routes}
-    unproven = choice.unproven_s / 60 if math.isfinite(choice.unproven_s) else None
-    best = int(abs(choice.departures_s - choice.chosen_s).argmin())
-    planned = zip(
-        choice.departures_s.tolist(),
-        choice.durations_s.tolist(),
-        choice.fuels.tolist(),
-        choice.homotopies,
-        choice.reasons,
-        strict=True,
-    )
-    for at, (departure, duration, fuel, homotopy, reason) in enumerate(planned):
-        is_route = math.isfinite(duration)
-        yield {
-            "season": choice.season,
-            "departure": _moment(choice, departure),
-            "arrival": _moment(choice, departure + duration) if is_route else None,
-            "hours": duration / 3600 if is_route else None,
-            "fuel": fuel if is_route else None,
-            "homotopy": homotopy,
-            "way": ways.get(homotopy, ""),
-            "is_best": at == best,
-            "unproven_min": unproven if at == best else None,
-            "reason": reason,
-        }
+    for choice in result.departures:
+        routes = result.case(choice.season).measures.routes
+        ways = {one.homotopy: one.way for one in routes}
+        unproven = choice.unproven_s / 60 if math.isfinite(choice.unproven_s) else None
+        best = int(abs(choice.departures_s - choice.chosen_s).argmin())
+        planned = zip(
+            choice.departures_s.tolist(),
+            choice.durations_s.tolist(),
+            choice.fuels.tolist(),
+            choice.homotopies,
+            choice.reasons,
+            strict=True,
+        )
+        for at, (departure, duration, fuel, homotopy, reason) in enumerate(planned):
+            is_route = math.isfinite(duration)
+            yield {
+                "season": choice.season,
+                "departure": time_after(choice.first, departure),
+                "arrival": time_after(choice.first, departure + duration) if is_route else None,
+                "hours": duration / 3600 if is_route else None,
+                "fuel": fuel if is_route else None,
+                "homotopy": homotopy,
+                "way": ways.get(homotopy, ""),
+                "is_best": at == best,
+                "unproven_min": unproven if at == best else None,
+                "reason": reason,
+            }
 
 
-def _moment(choice: DepartureChoice, seconds: float) -> str:
-    """Write a time of the choice's clock."""
-    return utc_text(choice.first + timedelta(seconds=round(seconds)))
-
-
-def write_trade_off_csv(result: RunResult, path: Path) -> None:
-    """Write the trade-offs of all cases as CSV."""
-    rows = (
-        {"season": found.case, **row}
-        for found in trade_offs(result)
-        for row in _trade_off_rows(found)
-    )
-    write_csv(path, TRADE_OFF_COLUMNS, rows)
-
-
-def _trade_off_rows(found: SpeedTradeOff) -> Iterator[dict[str, Any]]:
-    """Yield a row for each arrival, ascending; the chosen one is among them."""
-    at = int(np.searchsorted(found.durations_s, found.duration_s))
-    durations = np.insert(found.durations_s, at, found.duration_s)
-    fuels = np.insert(found.fuels, at, found.fuel)
-    for index, (duration, fuel) in enumerate(zip(durations.tolist(), fuels.tolist(), strict=True)):
-        yield {
-            "arrival": utc_text(found.moment(duration)),
-            "hours": duration / 3600,
-            "fuel": fuel,
-            "of_chosen": fuel / found.fuel,
-            "is_chosen": index == at,
-        }
-
-
-def write_ensemble_csv(result: RunResult, path: Path) -> None:
-    """Write the fuel of each route in each member, of all cases with members, as CSV."""
-    write_csv(path, ENSEMBLE_COLUMNS, ensemble_rows(result))
+def _trade_off_rows(result: RunResult) -> Iterator[dict[str, Any]]:
+    """Yield a row for each arrival, ascending for each case; the chosen one is among them."""
+    for found in trade_offs(result):
+        at = int(np.searchsorted(found.durations_s, found.duration_s))
+        durations = np.insert(found.durations_s, at, found.duration_s).tolist()
+        fuels = np.insert(found.fuels, at, found.fuel).tolist()
+        for index, (duration, fuel) in enumerate(zip(durations, fuels, strict=True)):
+            yield {
+                "season": found.case,
+                "arrival": found.moment(duration),
+                "hours": duration / 3600,
+                "fuel": fuel,
+                "of_chosen": fuel / found.fuel,
+                "is_chosen": index == at,
+            }
 
 
 def write_scenario(result: RunResult, path: Path) -> None:
-    """Write the scenario as TOML, with the departures among which one was chosen."""
+    """Write the scenario as TOML, with all departures that were to be chosen from."""
     open_ones = {choice.season: choice.asked for choice in result.departures}
     seasons = tuple(
         open_ones.get(one.name) or one
@@ -193,39 +167,31 @@ _ERROR_M = 5.0
 _NO_CURRENT_KN = 0.05
 
 
-class Row(NamedTuple):
-    """A waypoint's cells as text, with the figures of the leg that leads to it, if there is one."""
-
-    name: str
-    latitude: str
-    longitude: str
-    course: str = ""
-    leg_nm: str = ""
-    to_go_nm: str = ""
-    speed_kn: str = ""
-    passed: str = ""
-    limits_m: str = ""
-    current: str = ""
-    clearance: str = ""
-    water: str = ""
-    nearest_land: str = ""
-
-
-_HEADINGS = Row(
-    *("Waypoint", "Latitude", "Longitude", "Course\n° true", "Leg\nNM", "To go\nNM"),
-    *("Speed over\nground, kn", "Passed", "Limits, m\nport / stbd"),
-    *("Current on leg\nto ° true, kn", "Least\nclearance", "", "from where on the leg"),
-)
+_LEGS = {
+    "name": "Waypoint",
+    "latitude": "Latitude",
+    "longitude": "Longitude",
+    "course": "Course\n° true",
+    "leg_nm": "Leg\nNM",
+    "to_go_nm": "To go\nNM",
+    "speed_kn": "Speed over\nground, kn",
+    "passed": "Passed",
+    "limits_m": "Limits, m\nport / stbd",
+    "current": "Current on leg\nto ° true, kn",
+    "clearance": "Least\nclearance",
+    "water": "Water under\nkeel, m",
+    "nearest_land": "from where on the leg",
+}
 
 
-def headings(points: Waypoints) -> Row:
-    """Return the headings of a route's table, as its speeds and the tide ask for."""
-    found = _HEADINGS
+def leg_headings(points: Waypoints) -> dict[str, str]:
+    """Return the headings of a route's table; the water's is empty without a tide."""
+    headings = dict(_LEGS)
     if has_speeds(points):
-        found = found._replace(speed_kn="Speed, kn\nSOG / STW")
-    if points.ranked.route.least_water is not None:
-        found = found._replace(water="Water under\nkeel, m")
-    return found
+        headings["speed_kn"] = "Speed, kn\nSOG / STW"
+    if points.ranked.route.least_water is None:
+        headings["water"] = ""
+    return headings
 
 
 def has_speeds(points: Waypoints) -> bool:
@@ -233,8 +199,8 @@ def has_speeds(points: Waypoints) -> bool:
     return bool(np.ptp(points.ranked.route.speeds) > 0)
 
 
-def rows(points: Waypoints, departure: datetime | None) -> list[Row]:
-    """Return rows of a route's waypoints, from start to goal."""
+def rows(points: Waypoints, departure: datetime | None) -> list[dict[str, str]]:
+    """Return the rows of a route's waypoints, each with the leg that leads to it."""
     case = points.ranked.case.case
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, case.projection, _ERROR_M)
@@ -243,21 +209,21 @@ def rows(points: Waypoints, departure: datetime | None) -> list[Row]:
     currents = _currents(line, ends, times, case)
     water = _least_water(line, ends, times, case)
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
-    found = []
+    table = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        row = Row(
-            name=points.names[index],
-            latitude=position(float(latitude), "NS", 2),
-            longitude=position(float(longitude), "EW", 3),
-            to_go_nm=f"{to_go[index]:.1f}",
-            passed=_moment_cell(float(points.time_s[index]), departure),
-        )
+        row = {
+            "name": points.names[index],
+            "latitude": position(float(latitude), "NS", 2),
+            "longitude": position(float(longitude), "EW", 3),
+            "to_go_nm": f"{to_go[index]:.1f}",
+            "passed": _moment_cell(float(points.time_s[index]), departure),
+        }
         if index:
-            nearest = _nearest_land(drawn.xy[drawn.leg == index - 1], case.water)
-            row = row._replace(**_leg(points, index - 1), **nearest)
-            row = row._replace(current=currents[index - 1], water=water[index - 1])
-        found.append(row)
-    return found
+            row |= _leg(points, index - 1)
+            row |= _nearest_land(drawn.xy[drawn.leg == index - 1], case.water)
+            row |= {"current": currents[index - 1], "water": water[index - 1]}
+        table.append(row)
+    return table
 
 
 def _leg(points: Waypoints, leg: int) -> dict[str, str]:
@@ -291,9 +257,9 @@ def distance_text(metres: float) -> str:
 
 
 def _least_water(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -> list[str]:
-    """Return the least water under the keel on each leg when passed, m, rounded down.
+    """Return the least water under the keel on each leg when it is sailed, m, rounded down.
 
-    It is empty where no depth counts with the tide: there is enough water at any time.
+    It is empty where there is enough water at any state of the tide.
     """
     if case.tidal_depth is None:
         return [""] * (len(ends) - 1)
@@ -303,7 +269,7 @@ def _least_water(line: FloatArray, ends: IntArray, times: FloatArray, case: Case
 
 
 def _currents(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -> list[str]:
-    """Return the mean current on each leg when passed: direction of set, and speed in knots."""
+    """Return the mean current on each leg when it is sailed: direction of set, and knots."""
     lonlat = case.projection.to_lonlat(line)
     velocity = case.projection.rotate_to_lonlat(lonlat, case.current.velocity(line, times))
     texts = []
@@ -319,26 +285,28 @@ def _currents(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -
 
 def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
     """Return the least clearance of a leg from the original land, and the point where it is."""
-    closest = coast_index(water.land).closest_approach(line, water.projection)
+    closest = closest_approach(coast_edges(water.land), line, water.projection)
     if closest is None:
         return {"clearance": "no land"}
-    longitude, latitude = water.projection.to_lonlat(closest.point)
+    longitude, latitude = water.projection.to_lonlat(closest[0])
     where = f"{position(float(latitude), 'NS', 2)}  {position(float(longitude), 'EW', 3)}"
-    return {"clearance": distance_text(closest.clearance_m), "nearest_land": where}
+    return {"clearance": distance_text(closest[1]), "nearest_land": where}
 
 
-def tightest_text(points: Waypoints) -> str:
-    """Say the padding where the route is nearest to a padded edge; empty without padding."""
-    case = points.ranked.case.case
-    found = renew.tightest(points.ranked.route, case.current, case.vessel)
-    if found is None:
+def tightest_text(ranked: RankedRoute) -> str:
+    """Say how wide the padding is where the route is closest to it; empty without padding."""
+    case = ranked.case.case
+    tightest = renew.tightest(ranked.route, case.current, case.vessel)
+    if tightest is None:
         return ""
-    longitude, latitude = case.projection.to_lonlat(found.point)
-    widths = (found.padding, found.turns, found.gap)
+    where = case.water.place_text(tightest.point)
+    if not case.water.is_planar:
+        longitude, latitude = case.projection.to_lonlat(tightest.point).tolist()
+        where = f"{position(latitude, 'NS', 2)} {position(longitude, 'EW', 3)}"
+    widths = (tightest.padding, tightest.turns, tightest.gap)
     padding, turns, gap = (f"{math.floor(one * case.projection.scale):,} m" for one in widths)
     return (
-        f"Padding at the tightest place, {position(float(latitude), 'NS', 2)} "
-        f"{position(float(longitude), 'EW', 3)}: {padding}, of which turns need {turns}, and the "
+        f"Padding at the tightest place, {where}: {padding}, of which turns need {turns}, and the "
         f"planned path keeps {gap} from the hard no-go zone there."
     )
 
@@ -351,52 +319,54 @@ HAVEN_COLUMNS = (
     *("turn_off_s", "lon", "lat", "haven_lon", "haven_lat", "bearing_deg", "length_m", "hours"),
     *("fuel", "longest_hours", "least_hours", "reason"),
 )
-"""Times are UTC, empty without a departure; `_s` are seconds since departure. `way` is the number
-of the way among the season's; lengths are true metres, fuel is in the planner's units."""
+"""Times are UTC, empty without a departure; `_s` are seconds since departure. `way` numbers a
+case's ways; lengths are true metres, fuel is in the planner's units."""
 
 
-def write_havens(result: RunResult, path: Path) -> None:
-    """Write the coverage of all cases as CSV: stretches first, then the last places to turn."""
-    rows = (
-        _cells(case.name, row, case.spec.departure)
-        for case in result.cases
-        if case.coverage is not None
-        for row in haven_rows(case)
-    )
-    write_csv(path, HAVEN_COLUMNS, rows)
+def _haven_cells(result: RunResult) -> Iterator[dict[str, Any]]:
+    """Yield the coverage of each case: its stretches first, then the last places to turn."""
+    for case in result.cases:
+        departure = case.spec.departure
+        for row in haven_rows(case):
+            cells: dict[str, Any] = {
+                "season": case.name,
+                "kind": row.kind,
+                "begin": departure and time_after(departure, row.begin_s),
+                "end": departure and time_after(departure, row.end_s),
+                "begin_s": row.begin_s,
+                "end_s": row.end_s,
+                "longest_hours": row.longest_s / 3600,
+                "least_hours": row.least_s / 3600,
+                "reason": row.reason,
+            }
+            if (way := row.way) is not None:
+                cells |= {
+                    "haven": way.haven,
+                    "way": way.number,
+                    "turn_off": departure and time_after(departure, way.turn_off_s),
+                    "turn_off_s": way.turn_off_s,
+                    **_place("", way.place.tolist()),
+                    **_place("haven_", way.haven_place.tolist()),
+                    "bearing_deg": round(way.bearing_deg, 3),
+                    "length_m": way.length_m,
+                    "hours": way.duration_s / 3600,
+                    "fuel": way.fuel,
+                }
+            yield cells
 
 
-def _cells(case: str, row: HavenRow, departure: datetime | None) -> dict[str, Any]:
-    """Return a row's cells by column."""
+_TABLES: dict[str, tuple[Sequence[str], Callable[[RunResult], Iterator[dict[str, Any]]]]] = {
+    "departures.csv": (DEPARTURE_COLUMNS, _departure_rows),
+    "ensemble.csv": (ENSEMBLE_COLUMNS, ensemble_rows),
+    "havens.csv": (HAVEN_COLUMNS, _haven_cells),
+    "trade-off.csv": (TRADE_OFF_COLUMNS, _trade_off_rows),
+}
 
-    def moment(seconds: float) -> str:
-        return "" if departure is None else utc_text(time_after(departure, seconds))
 
-    cells: dict[str, Any] = {
-        "season": case,
-        "kind": row.kind,
-        "begin": moment(row.begin_s),
-        "end": moment(row.end_s),
-        "begin_s": row.begin_s,
-        "end_s": row.end_s,
-        "longest_hours": row.longest_s / 3600,
-        "least_hours": row.least_s / 3600,
-        "reason": row.reason,
-    }
-    if (way := row.way) is not None:
-        cells |= {
-            "haven": way.haven,
-            "way": way.number,
-            "turn_off": moment(way.turn_off_s),
-            "turn_off_s": way.turn_off_s,
-            **_place("", way.place.tolist()),
-            **_place("haven_", way.haven_place.tolist()),
-            "bearing_deg": round(way.bearing_deg, 3),
-            "length_m": way.length_m,
-            "hours": way.duration_s / 3600,
-            "fuel": way.fuel,
-        }
-    return cells
+def write_table(result: RunResult, path: Path) -> None:
+    """Write the table of all cases that the file's name stands for, as CSV."""
+    columns, rows = _TABLES[path.name]
+    write_csv(path, columns, rows(result))
 
 
 PRINTED = {
@@ -416,12 +386,12 @@ PRINTED = {
 """Columns of the printed table, with their headings; the fuel is in the planner's units."""
 
 
-def printed_rows(case: RunCase) -> list[tuple[str, ...]]:
-    """Return the rows of a case for the passage plan, in the columns of `PRINTED`."""
+def printed_rows(case: RunCase) -> list[dict[str, str]]:
+    """Return the rows of a case for the passage plan, by the columns of `PRINTED`."""
     rows = [haven_texts(row, case.spec.departure) for row in haven_rows(case)]
     for row in rows:
         row["haven"] = drawable(row.get("haven", ""), _MAX_NAME)
-    return [tuple(row.get(column, "") for column in PRINTED) for row in rows]
+    return rows
 
 
 def _moment_cell(seconds: float, departure: datetime | None) -> str:
@@ -455,7 +425,7 @@ def haven_texts(row: HavenRow, departure: datetime | None) -> dict[str, str]:
 
 
 def haven_facts(case: RunCase) -> list[str]:
-    """Return what a reader needs to know beside the table: limits, shares, how to use it."""
+    """Return sentences that explain the table of havens: limits, shares, how to use it."""
     coverage, limits = coverage_of(case), case.scenario.havens
     shares = ", ".join(f"{percent(coverage.share(state))} {state}" for state in STATES)
     left_out = ", ".join(haven.name for haven, _ in coverage.left_out)

@@ -44,7 +44,6 @@ _LIBRARIES = (
     "scipy",
     "shapely",
     "pyproj",
-    "networkx",
     "triangle",
     "numba",
 )

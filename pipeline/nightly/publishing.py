@@ -20,10 +20,10 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.findings import columns, text
-from pipeline.findings.ensembles import flips_text
-from pipeline.formats.gis import frames
-from pipeline.formats.palette import style_colours
+from pipeline.findings import names, text
+from pipeline.findings.choices import flips_text
+from pipeline.formats.appearance import style_colours
+from pipeline.formats.gis import layers
 from pipeline.geo.projection import bounds_of
 from pipeline.machine.store import load_artefact
 from pipeline.nightly.cases import NONE
@@ -63,7 +63,7 @@ _SHARED = [
 ]
 _TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT}
 _ROUTE = [
-    *((name, _TYPES[columns.COLUMNS[name].type]) for name in columns.figure_columns("night")),
+    *((name, _TYPES[names.COLUMNS[name].type]) for name in names.figure_columns("night")),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
 ]
@@ -114,19 +114,18 @@ CHANGES_COLUMNS = (
 # fmt: on
 """Columns: `earlier_…` is of yesterday's route, `keep_…` of that route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
-LAYER = frames.Layer(
-    "routes",
-    title="Routes of the night",
-    description="The best route of each case (rank 1), and its best route on each other side; "
+LAYER = {
+    "title": "Routes of the night",
+    "description": "The best route of each case (rank 1), and its best route on each other side; "
     "routes.parquet has all routes",
-    geometry_type="LineString",
-)
+    "geometry_type": "LineString",
+}
 _LAYER_TEXTS = (*(name for name, _ in _SHARED if name != "index"), "side", "class")
 # Figures of a route in the layer: those of the layer of a run.
 _FIGURES = tuple(
     name
-    for name in columns.figure_columns("layer")
-    if name in columns.figure_columns("night") and columns.COLUMNS[name].type == "number"
+    for name in names.figure_columns("layer")
+    if name in names.figure_columns("night") and names.COLUMNS[name].type == "number"
 )
 # Date of the layer if the currents have none.
 _NO_DATE = "1970-01-01T00:00:00.000Z"
@@ -180,15 +179,15 @@ def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | No
     for row in routes:  # the best first
         best.setdefault((row["index"], row["side"]), row)
     shown = list(best.values())
-    with frames.system_errors(path):
-        frames.write_layer(path, _frame(shown), LAYER)
-        with frames.opened(path) as database:
+    with layers.system_errors(path):
+        layers.write_layer(path, _frame(shown), "routes", LAYER)
+        with layers.opened(path) as database:
             stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
             database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
-            frames.check_count(database, LAYER.name, len(shown))
+            layers.check_count(database, "routes", len(shown))
 
 
-def _frame(routes: list[Row]) -> frames.GeoDataFrame:
+def _frame(routes: list[Row]) -> layers.GeoDataFrame:
     """Return rows as a GeoDataFrame in lon/lat."""
     import geopandas
 
@@ -538,7 +537,7 @@ def check_files(folder: Path, count: int) -> None:
         with closing(sqlite3.connect(uri, uri=True)) as database:
             if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
                 faults.append(f"{GEOPACKAGE_FILE} is damaged")
-            database.execute(f'SELECT count(*) FROM "{LAYER.name}"').fetchone()  # noqa: S608 - our own name
+            database.execute("SELECT count(*) FROM routes").fetchone()
         json.loads((folder / ITEM_FILE).read_text(encoding="utf-8"))
         if "</html>" not in (folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
             faults.append(f"{PAGE_FILE} has no end")

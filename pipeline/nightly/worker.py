@@ -18,8 +18,8 @@ import shapely
 
 import renew
 from pipeline.errors import StageError, one_line
-from pipeline.findings.columns import figures
-from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
+from pipeline.findings.choices import ensemble_figures, flips_text, sides_text
+from pipeline.findings.names import figures
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.way_names import way_names
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
@@ -270,7 +270,7 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
         voyage = _case_of(case, chart, current)
         options = with_offing(chart.scenario, voyage, chart.accuracy_m)
         planned = plan_case(voyage, options)
-        planned = way_names(voyage.water, [planned], ()).name(planned)
+        ((planned,), *_) = way_names(voyage.water, [planned], ())
         figures = planned.measures.routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
         return [failed_row(case, one_line(error), batch.stale)]

@@ -240,10 +240,10 @@ def vessel(name: str) -> VesselSpec:
     """Read and check a vessel's entry."""
     if name not in names("vessels"):
         raise RequestError(f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}")
-    return vessel_in(root() / "vessels" / f"{name}.toml", f"vessel {name!r}")
+    return vessel_of_file(root() / "vessels" / f"{name}.toml", f"vessel {name!r}")
 
 
-def vessel_in(file: Path, label: str) -> VesselSpec:
+def vessel_of_file(file: Path, label: str) -> VesselSpec:
     """Read and check the vessel in a file; faults begin with the label."""
     data = read_toml(file)
     data.pop("schema_version", None)

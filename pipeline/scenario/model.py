@@ -144,7 +144,7 @@ class HavensSpec(StrictModel):
 
 
 def _behind_link(text: str, info: ValidationInfo) -> str:
-    """Make a folder's path absolute, with its links: one leads to the newest results."""
+    """Make a folder's path absolute; links stay, because one leads to the newest results."""
     strict.usable_path(text, info)
     folder = str(info.context["folder"]) if text and info.context else ""
     whole = os.path.normpath(os.path.join(folder, os.path.expanduser(text))) if folder else text  # noqa: PTH111, PTH118 - a Path does not drop ".."

@@ -19,8 +19,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.findings.text import environment
-from pipeline.formats.palette import style_colours
-from pipeline.formats.report import assets
+from pipeline.formats import appearance
 from pipeline.scenario import catalogue
 from pipeline.serve.guard import FILES, Guard, Keys, refused
 from pipeline.serve.plans import (
@@ -36,9 +35,9 @@ from pipeline.serve.plans import (
 from pipeline.voyage.readers import read_position
 
 HOST = "127.0.0.1"
-"""The one address that the server listens at: nobody else's machine reaches it."""
+"""The only address that the server listens at; other machines can't reach it."""
 USUAL_PORT = 8137
-"""The port where none is asked for, if it is free."""
+"""The default port, if it is free."""
 # Folder, inside the output folder, of the files that the page is given.
 _GIVEN = ".given"
 # Connections at a time: a browser opens six. For another, the oldest without a request is closed.
@@ -57,7 +56,7 @@ _DEFINED = re.compile(r"^(?:async )?(?:function|class|const) (\w+)", re.MULTILIN
 
 REPORT_POLICY = (
     f"sandbox allow-scripts allow-popups; default-src 'none'; "
-    f"script-src '{assets.content_hash(assets.script())}'; style-src 'unsafe-inline'; "
+    f"script-src '{appearance.content_hash(appearance.script())}'; style-src 'unsafe-inline'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """The policy of a report: it may run its own script alone, in an origin of its own."""
@@ -107,14 +106,14 @@ class _Connection(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take a part of a request; the head of the next one has its own time."""
+        """Take a part of a request; the time limit for the head of the next request starts anew."""
         super().data_received(data)
         if not self.is_idle() or self._head.when() < self.loop.time():
             self._head.cancel()
             self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
 
     def is_idle(self) -> bool:
-        """Whether there is no request whose answer is not complete."""
+        """Whether every request has been answered."""
         return self.cycle is None or self.cycle.response_complete  # type: ignore[redundant-expr]
 
     def end_if_idle(self) -> None:
@@ -208,7 +207,7 @@ _STATUS: dict[type[PipelineError], int] = {
 
 
 def _add_pages(app: FastAPI) -> None:
-    """Serve the page, its scripts and styles, and the description of all that was added before."""
+    """Serve the page with its scripts and styles, and a description of the interface."""
 
     def answer(content: bytes, kind: str) -> Callable[[], Response]:
         return lambda: Response(content, media_type=kind)
@@ -219,13 +218,13 @@ def _add_pages(app: FastAPI) -> None:
 
 
 def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
-    """Return the content of each path of the page, and of that of an interface in OpenAPI."""
+    """Return the contents of the page's paths; `/api` describes an interface in OpenAPI."""
     templates = environment("pipeline.serve", "pipeline.formats.report")
     style = "\n".join(
         (
-            assets.leaflet_style(),
+            appearance.leaflet_style(),
             *(
-                templates.get_template(name).render(style_colours())
+                templates.get_template(name).render(appearance.style_colours())
                 for name in ("report.css", "explorer.css")
             ),
             (_HERE / "templates" / "plan.css").read_text("utf-8"),
@@ -235,14 +234,14 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         f"/static/{path.name}": path.read_text("utf-8")
         for path in sorted((_HERE / "scripts").glob("*.js"))
     }
-    text = assets.own_script("text")
+    text = appearance.own_script("text")
     files = {
         "/": templates.get_template("plan.html.jinja").render(
             options={option.field: option for option in ASKED}
         ),
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
-        "/static/leaflet.js": assets.leaflet(),
+        "/static/leaflet.js": appearance.leaflet(),
         # Made a module: its definitions are exported.
         "/static/text.js": f"{text}\nexport {{ {', '.join(_DEFINED.findall(text))} }};\n",
         **own,
@@ -271,7 +270,7 @@ def _add_names(app: FastAPI) -> None:
 
     @app.get("/api/position")
     def position(text: Annotated[str, Query(max_length=200)]) -> dict[str, Any]:
-        """Where a position is that was typed as for `renew go`, degrees."""
+        """Longitude and latitude, degrees, of a position that is typed as for `renew go`."""
         try:
             place = read_position(text)
         except ValueError as error:
@@ -297,7 +296,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
     async def add(request: PlanRequest) -> dict[str, Any]:
         """Plan a voyage; the answer has the `id` by which to ask how it goes."""
         options = await asyncio.to_thread(request.options, files)
-        return told(plans, plans.add(request, options))
+        return state_of(plans, plans.add(request, options))
 
     @app.post("/api/prepare", status_code=204)
     async def prepare(request: PlanRequest) -> None:
@@ -316,7 +315,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
     async def state(identity: _Identity) -> dict[str, Any] | Response:
         """How a plan goes: its state, the ways found so far, and its sides when they are known."""
         plan = plans.get(identity)
-        return _unknown() if plan is None else told(plans, plan)
+        return _unknown() if plan is None else state_of(plans, plan)
 
     @app.delete("/api/plan/{identity}", response_model=None)
     async def cancel(identity: _Identity) -> dict[str, Any] | Response:
@@ -325,7 +324,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
         if plan is None:
             return _unknown()
         plans.cancel(plan)
-        return told(plans, plan)
+        return state_of(plans, plan)
 
 
 def _unknown() -> Response:
@@ -344,7 +343,7 @@ def _brief(plan: AskedPlan) -> dict[str, Any]:
     }
 
 
-def told(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
+def state_of(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
     """Return how a plan goes, and its results."""
     return {
         **_brief(plan),
@@ -397,7 +396,7 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
 
 
 def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
-    """Return the files of a plan, or one of them; none if any is gone."""
+    """Return the files of a plan, or the one with a name; an empty list if one is missing."""
     plan = plans.get(identity)
     if plan is None or plan.directory is None:
         return []

@@ -49,12 +49,12 @@ class Keys:
 
     @property
     def cookie_name(self) -> str:
-        """The cookie's name: cookies of all ports of a host are sent to each of them."""
+        """The cookie's name, with the port: browsers send a host's cookies to all its ports."""
         return f"renew-{self.port}"
 
     @property
     def hosts(self) -> frozenset[str]:
-        """The names by which the server may be called."""
+        """The values that the header Host may have."""
         return frozenset(f"{name}:{self.port}" for name in ("127.0.0.1", "localhost"))
 
     @property

@@ -82,7 +82,7 @@ class GivenFiles:
         return self._files[name]
 
     def keep(self, content: bytes, name: str) -> Path:
-        """Keep a file of our own making."""
+        """Write a file that the server made itself; return its path."""
         path = self._path_of(hashlib.sha256(content), name)
         with writing(self._folder):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -140,7 +140,7 @@ class GivenFiles:
         return path
 
     def _path_of(self, digest: "hashlib._Hash", name: str) -> Path:
-        """Return the path of the file with a content; its id depends on its name as well."""
+        """Return the path of a file, whose id depends on its content and its name."""
         digest.update(b"\0" + name.encode())
         return self._folder / digest.hexdigest()[:_ID_DIGITS] / name
 
@@ -166,7 +166,7 @@ class _DrawnAreas(BaseModel):
     )
 
     def options(self, files: GivenFiles) -> dict[str, Any]:
-        """Return what was asked by the names of options, with paths, as text, in place of ids.
+        """Return the options by their names, with the paths of files in place of their ids.
 
         Raises
         ------
@@ -500,6 +500,6 @@ class Plans:
         self._ahead = None
 
     def _asked(self, options: Mapping[str, Any], *, prepares: bool = False) -> dict[str, Any]:
-        """Return what a worker is asked."""
+        """Return the argument of `answer_request`, for a worker."""
         where = {"output": str(self.output), "offline": self._offline}
         return {"options": options, "prepares": prepares, **where}

@@ -18,11 +18,11 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.errors import PipelineError, StageError, one_line
-from pipeline.findings.columns import figures
+from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts
 from pipeline.findings.result import RunCase, RunResult, addressed
 from pipeline.findings.text import capitalised, json_value
-from pipeline.formats.report.season import case_facts
+from pipeline.formats.report.page import case_facts
 from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.machine.workers import Worker, WorkerEndedError, is_call_waiting, tell
@@ -55,7 +55,7 @@ _DECIMALS = 5
 
 
 class ServingWorker(Worker):
-    """A process that plans, within some bytes of memory; seen from the server."""
+    """A process that plans within a limit of memory, as the server sees it."""
 
     def __init__(self, memory_bytes: int) -> None:
         super().__init__(data_bytes=memory_bytes)

@@ -1,4 +1,4 @@
-"""Charts made of others: several as one, or one with a grid of depths from a file.
+"""Charts made of other charts: several as one, or one with a grid of depths from a file.
 
 An area that any of several charts forbids is no-go. With depths, water too shallow for the vessel
 is no-go as well: the grid's cells that are too shallow, and one cell around them, as polygons.
@@ -53,7 +53,7 @@ _HEIGHTS = "height_above_"
 _ALTITUDES = {"altitude", "surface_altitude", "sea_floor_altitude"}
 # Standard name of a height above the ellipsoid, which is up to 100 m off the sea's surface.
 _ELLIPSOID = "height_above_reference_ellipsoid"
-# Words by which GEBCO's long name says that its heights, called so, are above sea level.
+# GEBCO's heights have that standard name, but are above sea level: their long name says so.
 _AT_SEA_LEVEL = "sea level"
 # Names of variables without such a standard name, and the sign by which they become heights.
 _NAMES = {"elevation": 1.0, "depth": -1.0}
@@ -282,7 +282,7 @@ def overlay(lands: Sequence[Land]) -> Land:
 _MAX_HASHED_BYTES = 500 << 20
 # Number of places along each side of the region at which heights are compared with the land.
 _PLACES = 60
-# Least number of them in the chart's water by which the sign of heights is judged.
+# Least number of places in the chart's water by which the sign of heights is judged.
 _MIN_PLACES = 30
 # Largest share of the places in water that may lie above the sea.
 _MAX_DRY_SHARE = 0.5
@@ -439,7 +439,7 @@ def _polygons_around(heights: Heights, cells: BoolArray) -> Geometries:
     """
     if not cells.any():
         return np.empty(0, dtype=object)
-    # One ring is for cells around shallow ones at the edge, the other closes the outlines.
+    # One ring has room for the cells around shallow ones at the edge, the other closes outlines.
     taken = ndimage.binary_dilation(np.pad(cells, _RINGS), np.ones((3, 3)))
     lon, lat = (_extended(axis) for axis in (heights.lon, heights.lat))
     contours = contour_generator(

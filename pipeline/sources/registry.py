@@ -116,7 +116,7 @@ def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> D
 def current_source(named: Currents, members: MembersSpec | None = None) -> CurrentSource:
     """Return the source of currents that a catalogue entry names, or that files make together.
 
-    If `members` are in the files, the source is their mean, and has them.
+    If `members` says that the files hold members, the source gives their mean, and each of them.
     """
     if isinstance(named, StreamConstants):
         from pipeline.sources.cf.adapter import TidalStreams

@@ -338,10 +338,10 @@ _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 def stations_of(spec: TideSpec) -> tuple[Station, ...]:
     """Read the stations of a scenario; RequestError with the faults of all."""
     faults = Faults()
-    found = [faults.collect(partial(find_station, asked)) for asked in spec.stations]
+    stations = [faults.collect(partial(find_station, asked)) for asked in spec.stations]
     if faults.lines:
         raise RequestError(faults.lines)
-    return tuple(station for station in found if station is not None)
+    return tuple(station for station in stations if station is not None)
 
 
 def tide_range(spec: TideSpec) -> TideRange:

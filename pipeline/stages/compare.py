@@ -12,15 +12,15 @@ import shapely
 
 import renew
 from pipeline.errors import LateFaults
-from pipeline.findings.choices import replanned_notes, speed_notes
-from pipeline.findings.ensembles import ensemble_notes
+from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.result import RunResult, addressed, unsafe_notes
-from pipeline.findings.way_names import WayNames, way_names
+from pipeline.findings.way_names import way_names
 from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SimplifiedLand, Water
+from pipeline.model.result import NumberedIsland
 from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.choose import Chosen, in_thread, narrows_notes, room_notes
 from pipeline.stages.places import shut_notes, tide_notes
@@ -40,11 +40,11 @@ def compare(
     """
     scenario, fetched = chosen.scenario, chosen.fetched
     inputs, water = (planned.key, chosen.cases.key), chosen.cases.value[0].water
-    names = WayNames({})
+    results = planned.value
+    islands = class_islands = tuple[NumberedIsland, ...]()
     with late.kept("naming the ways"):
-        names = way_names(water, planned.value, fetched.land.places)
+        results, islands, class_islands = way_names(water, planned.value, fetched.land.places)
     cases = {case.name: case for case in chosen.cases.value}
-    results = tuple(map(names.name, planned.value))
     pairs = [(cases[one.name], one) for one in results if one.name in cases]
     result = RunResult(
         scenario,
@@ -55,8 +55,8 @@ def compare(
         results,
         {},
         datetime.now(UTC),
-        names.islands,
-        names.class_islands,
+        islands,
+        class_islands,
         departures=chosen.choices,
     )
     find = partial(shut_straits, pairs, result.stops, land.value, scenario.planner)

@@ -20,7 +20,7 @@ from pipeline.model.case import MIN_LATENESS_S, largest_stretch, planned_in_time
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
-from renew.errors import Duration, Text, TooLateError
+from renew.errors import ClassName, Duration, Text, TooLateError
 from renew.request import Request
 from renew.results import Step, watched
 
@@ -119,7 +119,7 @@ def _failed(
     is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
         case, error.straits, _smallest_padding(error, case, options)
     )
-    names = error.text.class_names
+    names = tuple(value.name for value in error.text.values_of(ClassName))
     return CaseResult(case.name, None, failure, seconds, is_shut, class_names=names)
 
 

@@ -264,7 +264,8 @@ def _window(request: VoyageRequest) -> dict[str, Any]:
 def _changing_season(request: VoyageRequest) -> dict[str, Any]:
     """Return the [[seasons]] table of a voyage in changing currents.
 
-    With a tide over the depths nothing is known of departures between those planned.
+    With a tide over the depths no bound is known for departures between those planned, so that
+    `to_within` is left out.
     """
     begin = request.depart
     assert begin is not None  # noqa: S101 - currents change from a departure on

@@ -300,7 +300,7 @@ def read_clearance_m(given: str | float) -> float:
 
 
 def _read(text: str, units: dict[str, float], remedy: str) -> float:
-    """Return a number times the factor of its unit."""
+    """Read a number with its unit; return it in m or m/s."""
     matched = _QUANTITY.fullmatch(text)
     factor = units.get((matched[2] or "").lower()) if matched is not None else None
     if matched is None or factor is None:
@@ -415,7 +415,7 @@ def read_vessel(given: "str | VesselSpec") -> "VesselSpec":
         file = expanded(given, "")
         if reason := unreadable_reason(file):
             raise ValueError(f"{given} {reason}; `renew show usv-7m` prints one")
-        return catalogue.vessel_in(file, given)
+        return catalogue.vessel_of_file(file, given)
     known = catalogue.names("vessels")
     if given not in known:
         hint = "write a file as a path: './my-vessel.toml'"

@@ -322,7 +322,7 @@ class VoyageRequest:
 
     @property
     def is_steady(self) -> bool:
-        """Whether currents are monthly means, or none, also with a departure."""
+        """Whether the currents are monthly means or none, whether or not a departure is given."""
         has_months = bool(self.chooses_speeds or self.tide) and bool(self.months)
         return self.depart is None or self.is_still or has_months
 

@@ -1,4 +1,4 @@
-"""Tables of options: a dataclass whose fields are annotated with what is known of each option.
+"""Tables of options: dataclasses whose fields are annotated with an `Option`.
 
 The command line, the page's form with its HTTP interface, QGIS's tools and Python's functions are
 made from the fields of one dataclass, and `read` makes an instance from what any of them was given.
@@ -24,7 +24,7 @@ _Table = TypeVar("_Table")
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """What is known of an option besides its type: the annotation of a table's field.
+    """An option of a command, a form or a function, besides its type: a field's annotation.
 
     Parameters
     ----------

@@ -381,7 +381,7 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0, enough: float = math.inf) -
     """
     fewest = _CELLS
     if voyage.has_price and voyage.waters.current_change > 0:
-        voyage = voyage.at_price(_SHARE_OF_PRICE * voyage.choice.price)
+        voyage = replace(voyage, price=_SHARE_OF_PRICE * voyage.price)
         fewest = _CELLS_AT_CHOICE
     time = 0.0
     wanted = (enough + voyage.price_of_all_time) / voyage.cost_rate

@@ -11,9 +11,9 @@ enumerator gives the next channel of that class.
 
 Via points divide a voyage into parts; each part begins when the one before ends. An earlier arrival
 at a via point never means a later arrival at the next (FIFO). So the best route begins with the
-best path to each via point, and the k best combinations of classes are found part by part. Of two
-ascending lists the i-th of one and the j-th of the other, counted from 1, can give one of the k
-smallest sums only if i x j <= k: each of the i x j pairs up to there gives no larger sum.
+best path to each via point, and the k best combinations of classes are found part by part. In two
+ascending lists, the pair (i, j), counted from 1, can have one of the k smallest sums only if
+i x j <= k.
 """
 
 import itertools
@@ -21,7 +21,6 @@ import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
@@ -115,7 +114,8 @@ class ClassEnumerator:
 
     Passing edges are only crossed at places `clearance` m or more from the land at their ends. For
     order "length" the water is still. The roadmaps are those of the first departure. Channels whose
-    estimated cost is more than `dearest` times the best estimate are left out.
+    estimated cost is more than `dearest` times the best estimate are left out. With via points,
+    `parts` are the enumerators of the voyage's parts.
     """
 
     _voyage: Voyage
@@ -123,6 +123,7 @@ class ClassEnumerator:
     _rays: Rays
     _roads: _Roads
     _dearest: float = math.inf
+    parts: "tuple[ClassEnumerator, ...]" = ()
 
     @classmethod
     def of(
@@ -148,6 +149,11 @@ class ClassEnumerator:
             )
         return cls(voyage, triangulation, rays, _Roads(voyage, triangulation, order, clearance))
 
+    @classmethod
+    def through(cls, voyage: Voyage, parts: "Sequence[ClassEnumerator]") -> "ClassEnumerator":
+        """Return the enumerator of a voyage from those of its parts between via points."""
+        return replace(parts[0], _voyage=voyage, parts=tuple(parts) if len(parts) > 1 else ())
+
     @property
     def sees_all(self) -> bool:
         """Whether each class has one channel, and no passing edge is too narrow for any."""
@@ -161,11 +167,12 @@ class ClassEnumerator:
 
     def by_rays(self, rays: Rays) -> "ClassEnumerator":
         """Return the enumerator of the classes that other rays distinguish."""
-        return replace(self, _rays=rays)
+        return replace(self, _rays=rays, parts=tuple(part.by_rays(rays) for part in self.parts))
 
     def up_to(self, dearest: float) -> "ClassEnumerator":
         """Return the enumerator without channels that cost over `dearest` times the best one."""
-        return replace(self, _dearest=dearest)
+        parts = tuple(part.up_to(dearest) for part in self.parts)
+        return replace(self, _dearest=dearest, parts=parts)
 
     def leaving(self, voyage: Voyage) -> "ClassEnumerator":
         """Return the enumerator of a voyage with another departure; the roadmap is shared."""
@@ -173,6 +180,8 @@ class ClassEnumerator:
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
         """Return the first `count` channels that make no blocked transition."""
+        if self.parts:
+            return self._combined(count, lambda _, part: part.channels(count, blocked))
         if self._roads.order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(blocked)), count))
         graph, to_go = self._roads.everywhere, self._roads.time_to_go
@@ -194,6 +203,11 @@ class ClassEnumerator:
         They differ by islands that are wider than two cells; among smaller islets each path takes
         the best sides.
         """
+        if self.parts:
+            pieces = [self._voyage.cut(path) for path in paths]
+            return self._combined(
+                count, lambda at, part: part.channels_beside([cut[at] for cut in pieces], count)
+            )
         graph, cell = self._roads.beside(paths, self._voyage)
         wide = self._rays.only(self._rays.size >= _WIDE * cell)
         return self._quickest(graph, np.asarray(time_to_go(graph)), wide, count)
@@ -248,73 +262,32 @@ class ClassEnumerator:
             excluded[triangle, entry, out] = True
         return excluded
 
+    def _combined(
+        self, count: int, channels_of: "Callable[[int, ClassEnumerator], list[Channel]]"
+    ) -> list[Channel]:
+        """Return the `count` best combinations of channels, one from each part.
 
-_Looking: TypeAlias = Callable[[int, ClassEnumerator], list[Channel]]
-
-
-@dataclass(frozen=True, eq=False)
-class ViaEnumerator:
-    """Gives channels from start to goal through the via points, no two of the same class.
-
-    `parts` are the enumerators of the parts of the voyage.
-    """
-
-    voyage: Voyage
-    parts: tuple[ClassEnumerator, ...]
-
-    @property
-    def sees_all(self) -> bool:
-        """See :class:`ClassEnumerator`."""
-        return all(part.sees_all for part in self.parts)
-
-    @property
-    def has_many_triangles(self) -> bool:
-        """See :class:`ClassEnumerator`."""
-        return any(part.has_many_triangles for part in self.parts)
-
-    def by_rays(self, rays: Rays) -> "ViaEnumerator":
-        """Return the enumerator of the classes that other rays distinguish."""
-        return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
-
-    def up_to(self, dearest: float) -> "ViaEnumerator":
-        """Return the enumerator with this limit in each part; see :class:`ClassEnumerator`."""
-        return replace(self, parts=tuple(part.up_to(dearest) for part in self.parts))
-
-    def leaving(self, voyage: Voyage) -> "ViaEnumerator":
-        """Return the enumerator of a voyage with another departure."""
-        return replace(self, voyage=voyage)
-
-    def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
-        """Return the first `count` channels that make no blocked transition."""
-        return self._combined(count, lambda _, part: part.channels(count, blocked))
-
-    def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
-        """Search again on a finer roadmap near given paths (n, 2); return `count` channels."""
-        pieces = [self.voyage.cut(path) for path in paths]
-        return self._combined(
-            count, lambda at, part: part.channels_beside([one[at] for one in pieces], count)
-        )
-
-    def _combined(self, count: int, look: _Looking) -> list[Channel]:
-        """Return the `count` best combinations; each part departs at the earliest arrival."""
+        Each part departs at the earliest arrival of the part before it.
+        `channels_of` gives the channels of a part by its number and its enumerator.
+        """
         combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]
         for at, part in enumerate(self.parts):
             earliest = combined[0][0]
             # If the part can't be sailed, the clock stops.
-            begin = self.voyage.departure + (earliest if math.isfinite(earliest) else 0.0)
-            voyage = self.voyage.part(at, begin)
-            found = [
+            begin = self._voyage.departure + (earliest if math.isfinite(earliest) else 0.0)
+            voyage = self._voyage.part(at, begin)
+            timed = [
                 (voyage.duration(channel.found_by.points), channel)
-                for channel in look(at, part.leaving(voyage))
+                for channel in channels_of(at, part.leaving(voyage))
                 if channel.found_by is not None
             ]
-            found.sort(key=lambda one: one[0])
-            pairs = [
-                (before + time, (*parts, channel))
-                for i, (before, parts) in enumerate(combined)
-                for time, channel in found[: count // (i + 1)]
+            timed.sort(key=lambda pair: pair[0])
+            longer = [
+                (before + time, (*channels, channel))
+                for i, (before, channels) in enumerate(combined)
+                for time, channel in timed[: count // (i + 1)]
             ]
-            if not pairs:
+            if not longer:
                 return []
-            combined = sorted(pairs, key=lambda one: one[0])[:count]
-        return [Channel.joined(parts, self.voyage.via) for _, parts in combined]
+            combined = sorted(longer, key=lambda pair: pair[0])[:count]
+        return [Channel.joined(channels, self._voyage.via) for _, channels in combined]

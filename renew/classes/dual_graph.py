@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,26 +21,8 @@ from renew.classes.h_signature import VIA, Word
 from renew.classes.triangulation import Triangulation
 from renew.kernels.capsules import extremes
 
-if TYPE_CHECKING:
-    import networkx as nx
 
-
-def dual_graph(triangulation: Triangulation) -> "nx.Graph[int]":
-    """Return the dual graph, whose edges have the passing edges' `midpoint` (2,) and `width`, m."""
-    import networkx as nx
-
-    graph: nx.Graph[int] = nx.Graph()
-    count = len(triangulation.triangles)
-    graph.add_nodes_from(range(count))
-    triangle, corner = np.nonzero(triangulation.neighbours > np.arange(count)[:, None])
-    beside = triangulation.neighbours[triangle, corner]
-    edges = triangulation.vertices[triangulation.edge_vertices(triangle, corner)]
-    for one, other, (a, b) in zip(triangle.tolist(), beside.tolist(), edges, strict=True):
-        graph.add_edge(one, other, midpoint=(a + b) / 2, width=float(np.linalg.norm(b - a)))
-    return graph
-
-
-def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
+def is_connected(triangulation: Triangulation, first: int, last: int) -> bool:
     """Whether a row of triangles leads from one to the other."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -50,7 +32,7 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
     count = len(triangulation.triangles)
     links = coo_array((np.ones(len(triangle)), (triangle, beside)), shape=(count, count))
     _, component = connected_components(links, directed=False)
-    return bool(component[one] == component[other])
+    return bool(component[first] == component[last])
 
 
 @kernel
@@ -89,7 +71,11 @@ def simple_paths(
     otherwise the search would spend most of its time in dead ends. It gives up after `max_steps`
     triangles.
     """
-    beside = {node: list(others) for node, others in dual_graph(triangulation).adjacency()}
+    # For each triangle the lower numbers first: the order in which its edges are met.
+    beside = [
+        [*sorted(t for t in others if 0 <= t < triangle), *(t for t in others if t > triangle)]
+        for triangle, others in enumerate(triangulation.neighbours.tolist())
+    ]
     row, used, waiting = [first], {first}, [iter(beside[first])]
     while waiting and max_steps > 0:
         after = next((node for node in waiting[-1] if node not in used), None)
@@ -110,7 +96,7 @@ def simple_paths(
                 waiting.append(iter(beside[after]))
 
 
-def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: int) -> set[int]:
+def _flooded(beside: list[list[int]], start: int, used: set[int], until: int) -> set[int]:
     """Return the triangles that a search from `start` reaches without used ones, up to `until`."""
     reached, waiting = {start}, [start]
     while waiting and until not in reached:
@@ -120,7 +106,7 @@ def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: in
     return reached
 
 
-def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
+def widest_gap(triangulation: Triangulation, first: int, last: int) -> float:
     """Return the width (m) of the narrowest passing edge on the widest way."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
@@ -133,9 +119,9 @@ def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
     # The widest edges have the least weight; SciPy takes a weight of 0 as no edge.
     weight = coo_array((2 * width.max(initial=0.0) - width, (triangle, beside)), (count, count))
     tree = minimum_spanning_tree(weight.tocsr())
-    _, before = breadth_first_order(tree, other, directed=False)
-    row = [one]
-    while row[-1] != other:
+    _, before = breadth_first_order(tree, last, directed=False)
+    row = [first]
+    while row[-1] != last:
         row.append(int(before[row[-1]]))
     of_edge = dict(zip(zip(triangle.tolist(), beside.tolist(), strict=True), width, strict=True))
     return min((float(of_edge[edge]) for edge in itertools.pairwise(row)), default=math.inf)

@@ -85,7 +85,7 @@ class Chart:
         # An area that touches land forms one obstacle with it, which keeps the land's number.
         merged = _polygons(shapely.union_all(np.array(areas, dtype=object)))
         land = shapely.union_all(np.array(sum(self.islands, ()), dtype=object))
-        apart = tuple(one for one in merged if not shapely.intersects(one, land))
+        apart = tuple(island for island in merged if not shapely.intersects(island, land))
         other.islands = (*self.islands, apart)
         return other
 

@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property, wraps
 from typing import Any, NamedTuple, TypeAlias
 
@@ -92,10 +92,6 @@ class CurrentField(ABC):
     def is_steady(self) -> bool:
         """Whether it is the same at all times."""
         return len(self.slice_times) == 1
-
-    def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Strongest current inside (xmin, ymin, xmax, ymax), m/s; here that of its table."""
-        return self.table(bounds).strongest
 
     def table(self, bounds: tuple[float, float, float, float]) -> CurrentTable:
         """The field inside (xmin, ymin, xmax, ymax) as nodes for compiled code."""
@@ -230,17 +226,12 @@ class UniformCurrent(CurrentField):
 
     def __post_init__(self) -> None:
         """Refuse a current that is not finite."""
-        check_finite("uniform current", u=self.u, v=self.v)
+        _check_finite("uniform current", self)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2), the same at every point."""
         shape = np.asarray(points).shape
         return np.broadcast_to(np.array([self.u, self.v], dtype=float), shape).copy()
-
-    def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Speed of the current (m/s), wherever."""
-        del bounds
-        return float(np.hypot(self.u, self.v))
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,18 +250,7 @@ class GyreCurrent(CurrentField):
 
     def __post_init__(self) -> None:
         """Refuse figures that are not finite, and a rectangle without area."""
-        check_finite(
-            "gyre",
-            amplitude=self.amplitude,
-            width=self.width,
-            height=self.height,
-            columns=self.columns,
-            rows=self.rows,
-        )
-        if self.width <= 0 or self.height <= 0:
-            raise ParameterError(
-                f"gyre: width = {self.width!r} and height = {self.height!r} m must be above 0"
-            )
+        _check_gyre("gyre", self)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2) at points (..., 2)."""
@@ -278,11 +258,6 @@ class GyreCurrent(CurrentField):
         x = np.pi * self.columns * points[..., 0] / self.width
         y = np.pi * self.rows * points[..., 1] / self.height
         return self.amplitude * np.stack([-np.sin(x) * np.cos(y), np.cos(x) * np.sin(y)], axis=-1)
-
-    def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Amplitude (m/s): sin²cos² + cos²sin² is at most 1."""
-        del bounds
-        return abs(self.amplitude)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -373,16 +348,25 @@ class GriddedCurrent(TabulatedCurrent):
         return np.asarray(self.nodes.uv[0])
 
 
-def check_finite(name: str, **figures: float) -> None:
+def _check_finite(name: str, field: "UniformCurrent | GyreCurrent | SwingingGyre") -> None:
     """Refuse figures that are not finite, or so large that squares overflow; all at once."""
     faults = [
         f"{key} = {shown(value)}"
-        for key, value in figures.items()
+        for key, value in asdict(field).items()
         if not (is_number(value) and abs(value) <= _MAX_FIGURE)
     ]
     if faults:
         raise ParameterError(
             f"{name}: {', '.join(faults)} must be numbers, finite, and at most {_MAX_FIGURE:g}"
+        )
+
+
+def _check_gyre(name: str, gyre: "GyreCurrent | SwingingGyre") -> None:
+    """Refuse figures that are not finite, and a rectangle without area."""
+    _check_finite(name, gyre)
+    if gyre.width <= 0 or gyre.height <= 0:
+        raise ParameterError(
+            f"{name}: width = {gyre.width!r} and height = {gyre.height!r} m must be above 0"
         )
 
 
@@ -441,7 +425,7 @@ class VaryingCurrent(CurrentField):
             self._function = None
             if len(self._slices) != self._times.size:
                 faults.append(f"{len(self._slices)} currents for {self._times.size} times")
-            if not all(one.is_steady for one in self._slices):
+            if not all(current.is_steady for current in self._slices):
                 faults.append("each of the currents must be steady")
         if faults:
             raise ParameterError("varying current: " + "; ".join(faults))
@@ -474,17 +458,17 @@ class VaryingCurrent(CurrentField):
 
     def table(self, bounds: tuple[float, float, float, float]) -> CurrentTable:
         """The field as nodes, a slice for each time."""
-        if self._slices and all(one is self._slices[0] for one in self._slices):
+        if self._slices and all(current is self._slices[0] for current in self._slices):
             return self._slices[0].table(bounds)
         return self._nodes or tabulated_in_time(self.velocity, self._times, bounds)
 
     @cached_property
     def _nodes(self) -> CurrentTable | None:
         """All slices as one table, if their tables have the same nodes; else None."""
-        nodes = [one.nodes for one in self._slices if isinstance(one, TabulatedCurrent)]
-        if len(nodes) != self._times.size or not all(same_axes(nodes[0], one) for one in nodes):
+        nodes = [current.nodes for current in self._slices if isinstance(current, TabulatedCurrent)]
+        if len(nodes) != self._times.size or not all(same_axes(nodes[0], table) for table in nodes):
             return None
-        uv = np.concatenate([one.uv for one in nodes])
+        uv = np.concatenate([table.uv for table in nodes])
         return table_of(nodes[0].x, nodes[0].y, uv, times=self._times)
 
     def _between(self, points: FloatArray, times: FloatArray) -> FloatArray:
@@ -519,19 +503,7 @@ class SwingingGyre(CurrentField):
 
     def __post_init__(self) -> None:
         """Refuse figures that are not finite, and a rectangle without area."""
-        check_finite(
-            "swinging gyre",
-            amplitude=self.amplitude,
-            width=self.width,
-            height=self.height,
-            epsilon=self.epsilon,
-            omega=self.omega,
-        )
-        if self.width <= 0 or self.height <= 0:
-            raise ParameterError(
-                f"swinging gyre: width = {self.width!r} and height = {self.height!r} m must be "
-                "above 0"
-            )
+        _check_gyre("swinging gyre", self)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Velocity (..., 2) at time 0."""

@@ -1,4 +1,4 @@
-"""Places that are open at some hours only: shut areas, water that the tide lays bare, and havens.
+"""Places that are open at some hours only: shut areas, tidal water, havens.
 
 A prediction of the tide knows neither wind nor pressure, and a tide runs early or late. So a vessel
 relies on the least predicted height within a `lag` of its time, less a `surge`.
@@ -47,7 +47,7 @@ _AROUND = 86_400.0
 class Opening(ABC):
     """A `polygon` (m) that is open at some hours and shut at others.
 
-    All that a plan knows of areas, tides and weather is when their water is shut.
+    A plan knows no more of areas, tides and weather than when their water is shut.
     """
 
     polygon: Polygon | MultiPolygon
@@ -385,11 +385,11 @@ class TidalDepth:
         leg, area = self._tree.query(legs, predicate="intersects")
         spare = np.empty((len(schedules), len(leg)))
         for tide in set(self._tides):
-            own = np.array([one is tide for one in self._tides])[area]
+            in_them = np.array([relied_on is tide for relied_on in self._tides])[area]
             # Points are close, so the tide on a leg is nearly that at one of its ends.
             for row, times in zip(spare, schedules, strict=True):
                 heights = tide.heights(times)
-                row[own] = np.minimum(heights[:-1], heights[1:])[leg[own]]
+                row[in_them] = np.minimum(heights[:-1], heights[1:])[leg[in_them]]
         return leg, area, spare - np.asarray(self.needs)[area]
 
     @cached_property

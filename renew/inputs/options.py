@@ -122,7 +122,7 @@ class PlanOptions:
 
     def _faults(self) -> list[str]:
         """Faults of the options."""
-        found = [
+        faults = [
             fault
             for name in ("classes", "samples", "seed")
             for fault in count_faults(name, getattr(self, name))
@@ -133,23 +133,25 @@ class PlanOptions:
         ):
             value = getattr(self, name)
             if not is_one_of(value, words) and not is_length(value):
-                found.append(f"{name} = {shown(value)} must be {metres}")
+                faults.append(f"{name} = {shown(value)} must be {metres}")
         if not is_length(self.clearance):
-            found.append(f"clearance = {shown(self.clearance)} m must be finite and at least 0")
+            faults.append(f"clearance = {shown(self.clearance)} m must be finite and at least 0")
         least, most = RANGES["narrow_share"].values()
         if not (is_number(self.narrow_share) and least <= self.narrow_share <= most):
-            found.append(
+            faults.append(
                 f"narrow_share = {shown(self.narrow_share)} must lie between {least:g} and {most:g}"
             )
         least = RANGES["risk"]["ge"]
         if not (is_number(self.risk) and least <= self.risk < 1):
-            found.append(f"risk = {shown(self.risk)} must lie between {least:g} and 1, as in 0.05")
+            faults.append(f"risk = {shown(self.risk)} must lie between {least:g} and 1, as in 0.05")
         if not (is_number(self.gap_to) and 0 <= self.gap_to < RANGES["gap_to"]["lt"]):
-            found.append(f"gap_to = {shown(self.gap_to)} must be 0 or more, below 1, as in 0.02")
-        found += [fault for name in _CHOICES for fault in choice_faults(name, getattr(self, name))]
+            faults.append(f"gap_to = {shown(self.gap_to)} must be 0 or more, below 1, as in 0.02")
+        faults += [fault for name in _CHOICES for fault in choice_faults(name, getattr(self, name))]
         if is_one_of(self.risk_at, ("point",)) and not is_one_of(self.padding, ("adaptive",)):
-            found.append(f'risk_at = "point" needs padding = "adaptive", not {shown(self.padding)}')
-        return found + punctuality_faults(self.lateness, self.min_lateness)
+            faults.append(
+                f'risk_at = "point" needs padding = "adaptive", not {shown(self.padding)}'
+            )
+        return faults + punctuality_faults(self.lateness, self.min_lateness)
 
 
 class Changes(TypedDict, total=False):
@@ -172,7 +174,7 @@ class Changes(TypedDict, total=False):
     gap_to: float
 
 
-RANGES = {one.name: one.metadata for one in fields(PlanOptions) if one.metadata}
+RANGES = {option.name: option.metadata for option in fields(PlanOptions) if option.metadata}
 """Ranges of the options that have one."""
 
 
@@ -194,12 +196,12 @@ def choice_faults(name: str, value: object) -> list[str]:
 
 def punctuality_faults(lateness: object, min_lateness: object) -> list[str]:
     """Faults of the shares and times by which the vessel may be late."""
-    found = []
+    faults = []
     if not (is_finite(lateness) and 0 <= lateness < 1):
-        found.append(f"lateness = {shown(lateness)} must be a share of at least 0 and below 1")
+        faults.append(f"lateness = {shown(lateness)} must be a share of at least 0 and below 1")
     if not is_length(min_lateness):
-        found.append(f"min_lateness = {shown(min_lateness)} s must be finite and at least 0")
-    return found
+        faults.append(f"min_lateness = {shown(min_lateness)} s must be finite and at least 0")
+    return faults
 
 
 def is_one_of(value: object, words: tuple[str, ...]) -> bool:

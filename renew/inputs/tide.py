@@ -109,17 +109,17 @@ class Tide:
             if not (is_number(value := getattr(self, name)) and least <= value <= most)
         ]
         faults += [
-            f"{name} = {shown(one)} must be an amplitude (m) not below 0, and a phase (degrees)"
-            for name, one in given.items()
-            if not (isinstance(name, str) and isinstance(one, tuple | list) and len(one) == 2)
-            or not (is_number(one[0]) and is_number(one[1]))
-            or not (0 <= one[0] <= _MOST and abs(one[1]) <= _MOST)
+            f"{name} = {shown(pair)} must be an amplitude (m) not below 0, and a phase (degrees)"
+            for name, pair in given.items()
+            if not (isinstance(name, str) and isinstance(pair, tuple | list) and len(pair) == 2)
+            or not all(map(is_number, pair))
+            or not (0 <= pair[0] <= _MOST and abs(pair[1]) <= _MOST)
         ]
         faults += _name_faults(given)
         if faults:
             of = f" of {self.name}" if self.name else ""
             raise ParameterError(f"tide{of}: " + "; ".join(faults))
-        constants = {name: Constant(*map(float, one)) for name, one in given.items()}
+        constants = {name: Constant(*map(float, constant)) for name, constant in given.items()}
         object.__setattr__(self, "constants", constants)
         object.__setattr__(self, "epoch", _instant(self.epoch))
 
@@ -133,17 +133,17 @@ class Tide:
         if not self._moving:
             return np.full(times.shape, self.ratio * self.mean_level)
         block = np.floor(times / _BLOCK)
-        found = np.empty(times.shape)
-        for one in np.unique(block):
-            within = block == one
-            found[within] = np.interp(times[within], *self._kept(float(one)))
-        return found
+        heights = np.empty(times.shape)
+        for number in np.unique(block):
+            within = block == number
+            heights[within] = np.interp(times[within], *self._kept(float(number)))
+        return heights
 
     def high_and_low(self, begin: float, end: float) -> HighAndLow:
         """High and low waters between two times (s), to the second, in their order."""
-        for one in (begin, end):
-            if not is_number(one):
-                raise ParameterError(f"tide: {shown(one)} must be a time, s")
+        for time in (begin, end):
+            if not is_number(time):
+                raise ParameterError(f"tide: {shown(time)} must be a time, s")
         begin, end = _finite_times([begin, end]).tolist()
         if not self._moving or begin >= end:
             none = np.empty(0)
@@ -185,7 +185,7 @@ class Tide:
         first, last, step = _NODAL_DATES
         dates = np.arange(first, last, step, dtype="datetime64[D]")
         factors, _ = arguments(self._moving, dates)
-        amplitudes = np.array([one.amplitude for one in self._moving.values()])
+        amplitudes = np.array([constant.amplitude for constant in self._moving.values()])
         return float(_NODAL_MARGIN * factors.max(axis=1) @ amplitudes)
 
     @cached_property
@@ -299,7 +299,7 @@ def _instant(epoch: object) -> np.datetime64:
 
 def _finite_times(times: object) -> FloatArray:
     """Refuse times (s) that are not numbers, or lie centuries from the epoch."""
-    found = as_floats("tide: times", times)
-    if not (abs(found) <= _MOST_TIME).all():
+    seconds = as_floats("tide: times", times)
+    if not (abs(seconds) <= _MOST_TIME).all():
         raise ParameterError(f"tide: times must be within {_MOST_TIME:g} s of the epoch")
-    return found
+    return seconds

@@ -114,7 +114,7 @@ class Corridor:
     def exempt(self) -> BoolArray:
         """Which capsules (2, c) contain the start, or the goal; a path may begin or end there."""
         start, end, radius = self.search_capsules
-        return np.stack([segment_distance(one, start, end) < radius for one in self._ends])
+        return np.stack([segment_distance(place, start, end) < radius for place in self._ends])
 
     @property
     def _ends(self) -> tuple[FloatArray, FloatArray]:

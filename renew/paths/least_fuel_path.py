@@ -86,7 +86,7 @@ _WIDE = tuple(
 _NARROWING = tuple(_Pass(window, _CLOSE, 7, BEND) for window in _WINDOWS[3:])
 # Passes before the narrowest one find little after Newton's method.
 _NARROW = (
-    *(one._replace(spacing=_APART) for one in _NARROWING[:3]),
+    *(narrowing._replace(spacing=_APART) for narrowing in _NARROWING[:3]),
     _NARROWING[3],
     _NARROWING[5],
 )
@@ -95,7 +95,7 @@ _NARROW = (
 _WIDE_IN_EDDIES = (_WIDE[2]._replace(spacing=_CLOSE, points=13),)
 _NARROW_IN_EDDIES = (
     *_NARROWING[:3],
-    *(one._replace(spacing=1 / 160) for one in _NARROWING[3:]),
+    *(narrowing._replace(spacing=1 / 160) for narrowing in _NARROWING[3:]),
 )
 # Largest shift of points by Newton's method, as a share of the path.
 _FARTHEST = 0.075
@@ -185,13 +185,13 @@ def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> F
     keep_whole = np.asarray(corridor.exempt.any(axis=1))
     # A channel of many triangles gives a path of many points.
     path = without_detours(path, 2 * passes[0].spacing * length, water)
-    for one in passes:
-        path = with_transversals(path, one.spacing * length, one.bend, closest, keep_whole)
-        window, longest = one.window * length, 2 * one.spacing * length
+    for stage in passes:
+        path = with_transversals(path, stage.spacing * length, stage.bend, closest, keep_whole)
+        window, longest = stage.window * length, 2 * stage.spacing * length
         # Legs connect points inside windows beside the path.
         near = capsules_near(water.capsules, path, window)
         path = refined_on_transversals(
-            path, window, one.points, longest, water.near(near), exempt[:, near].copy()
+            path, window, stage.points, longest, water.near(near), exempt[:, near].copy()
         )
     return path
 
@@ -271,14 +271,14 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
         profile.path, 2 * _TIMED_PASSES[0].spacing * length_of(profile.path), water
     )
     best, least = path, math.inf
-    for one in _TIMED_PASSES:
+    for stage in _TIMED_PASSES:
         length = length_of(path)
-        path = with_transversals(path, one.spacing * length, one.bend, closest, keep_whole)
+        path = with_transversals(path, stage.spacing * length, stage.bend, closest, keep_whole)
         if len(path) < len(("start", "between", "goal")):
             break
-        near = capsules_near(water.capsules, path, one.window * length)
+        near = capsules_near(water.capsules, path, stage.window * length)
         beside, exempt = water.near(near).capsules, corridor.exempt[:, near].copy()
-        points = points_beside(path, one.window * length, one.points, beside)
+        points = points_beside(path, stage.window * length, stage.points, beside)
         way = TimedPath(path, voyage, as_it_is=True)
         if not way.can_be_made:
             continue
@@ -286,7 +286,7 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
         chain = way.cheapest(
             points,
             legs_between(points, beside, exempt),
-            _times(way.window(voyage.deadline), passed, one, one.window * length / mean),
+            _times(way.window(voyage.deadline), passed, stage, stage.window * length / mean),
             np.tile(way.speeds, (len(path) - 1, 1)),
             voyage.deadline,
         )
@@ -294,14 +294,14 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
             continue
         path = points[np.arange(len(points)), chain.points]
         schedule = shares(path), chain.times
-        path = without_detours(path, 2 * one.spacing * length, water.near(near))
+        path = without_detours(path, 2 * stage.spacing * length, water.near(near))
         if chain.cost < least:
             best, least = path, chain.cost
     return simplified(corridor, best)
 
 
 def _times(
-    allowed: tuple[FloatArray, FloatArray], passed: FloatArray, one: _Pass, sideways: float
+    allowed: tuple[FloatArray, FloatArray], passed: FloatArray, stage: _Pass, sideways: float
 ) -> FloatArray:
     """Return the times (n, q), s, at which the least fuel is computed in each row of a pass.
 
@@ -309,9 +309,9 @@ def _times(
     on the middle of the `allowed` times. They extend by a further `sideways` (s) on both sides.
     """
     early, late = allowed
-    middle = (early + late) / 2 if one.leeway == 1 else passed
-    half = one.leeway * (late - early) / 2 + sideways
-    return np.linspace(middle - half, middle + half, one.times).T
+    middle = (early + late) / 2 if stage.leeway == 1 else passed
+    half = stage.leeway * (late - early) / 2 + sideways
+    return np.linspace(middle - half, middle + half, stage.times).T
 
 
 # Step of the differences, as a share of the shorter leg beside a point.

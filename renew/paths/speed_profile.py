@@ -21,6 +21,7 @@ improved until the current itself, not only its table, meets the deadline.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -155,7 +156,8 @@ class _SteadyPath:
 
     def speeds(self, price: float) -> FloatArray:
         """Return the cheapest speeds (p, 4), m/s, at the nodes, at a price of time over α."""
-        polar = self._voyage.at_price(price * self._voyage.vessel.fuel_coefficient).polar
+        price_of_time = price * self._voyage.vessel.fuel_coefficient
+        polar = replace(self._voyage, price=price_of_time).polar
         return chosen_speeds(self._velocity, self._tangent, polar)
 
     def time(self, speeds: FloatArray) -> float:
@@ -343,7 +345,7 @@ class TimedPath:
         Even at the lowest speed, a longer voyage burns more than a known one.
         """
         voyage = self._voyage
-        burnt = voyage.choice.least**voyage.vessel.fuel_exponent
+        burnt = voyage.least_speed**voyage.vessel.fuel_exponent
         slowest = voyage.departure + self.constant[1] / burnt
         return float(min(slowest, voyage.current.span[1]))
 
@@ -381,7 +383,7 @@ class TimedPath:
     @property
     def speeds(self) -> tuple[float, float]:
         """Lowest and highest speed (m/s)."""
-        return self._voyage.choice.least, self._voyage.vessel.speed
+        return self._voyage.least_speed, self._voyage.vessel.speed
 
     def window(self, deadline: float) -> tuple[FloatArray, FloatArray]:
         """Return the earliest and latest times (r + 1,), s, at the rows that meet a deadline."""
@@ -509,7 +511,7 @@ def constant_speed(path: FloatArray, voyage: Voyage) -> float:
     """
     deadline = voyage.deadline
     for _ in range(_CLOCK_ROUNDS):
-        speed = TimedPath(path, voyage.with_deadline(deadline)).constant[0]
+        speed = TimedPath(path, replace(voyage, deadline=deadline)).constant[0]
         late = _flown(path, np.full(len(path) - 1, speed), voyage).arrival - voyage.deadline
         if not late > 0 or speed == voyage.vessel.speed:
             break

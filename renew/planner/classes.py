@@ -15,7 +15,7 @@ import numpy as np
 
 from renew.bounds.grids import whole_grid
 from renew.bounds.travel_time import locate, mean_times
-from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
+from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import Channel, Transition, widest_gap
 from renew.classes.h_signature import Word, shortened
 from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
@@ -162,7 +162,7 @@ class ClassSearch:
                     self.add(channel)
         if is_free and scout.has_many_triangles:
             self.find_beside_best(scout, beside)
-        elif is_free and isinstance(scout, ClassEnumerator) and self._may_be_far_off(scout):
+        elif is_free and not scout.parts and self._may_be_far_off(scout):
             for channel in scout.best_closely():
                 self._done.discard(channel.word)
                 self.add_variant(channel)
@@ -177,7 +177,7 @@ class ClassSearch:
 
     def plan_in_rounds(
         self,
-        enumerator: ClassEnumerator | ViaEnumerator,
+        enumerator: ClassEnumerator,
         classes: int,
         add: Callable[[Channel], frozenset[Transition]],
     ) -> bool:
@@ -205,7 +205,7 @@ class ClassSearch:
         """Plan a variant; its class keeps the best path of all its channels."""
         return self._add(channel, self._rays.of_word(channel.word))
 
-    def find_beside_best(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:
+    def find_beside_best(self, scout: ClassEnumerator, count: int) -> None:
         """Plan `count` variants around other islands, on finer roadmaps beside the best routes."""
         if self.best is None:
             return

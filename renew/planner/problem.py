@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import FuelBound
-from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
+from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.h_signature import VIA, Rays, Word, rays_that_matter
 from renew.classes.triangulation import (
     Triangulation,
@@ -127,19 +127,19 @@ class Problem:
             word = (*word, VIA, *other)
         return word
 
-    def enumerator(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
+    def enumerator(self, clearance: float) -> ClassEnumerator:
         """Return the enumerator of classes, by paths that keep about `clearance` m off land."""
         return self.scout(clearance).by_rays(self.rays)
 
-    def scout(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
+    def scout(self, clearance: float) -> ClassEnumerator:
         """Return the enumerator of the classes that all islands distinguish."""
         if clearance not in self._scouts and self.base is not None:
             self._scouts[clearance] = self.base.scout(clearance).leaving(self.voyage)
         elif clearance not in self._scouts:
-            voyage, via = self.voyage, len(self.voyage.via)
-            parts = [voyage.part(at, voyage.departure) for at in range(via + 1)]
-            scouts = tuple(self._scout(part, clearance) for part in parts)
-            self._scouts[clearance] = ViaEnumerator(voyage, scouts) if via else scouts[0]
+            voyage, stops = self.voyage, len(self.voyage.stops)
+            parts = [voyage.part(at, voyage.departure) for at in range(stops - 1)]
+            scouts = [self._scout(part, clearance) for part in parts]
+            self._scouts[clearance] = ClassEnumerator.through(voyage, scouts)
         return self._scouts[clearance]
 
     def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
@@ -158,7 +158,7 @@ class Problem:
             raise
 
     @cached_property
-    def _scouts(self) -> dict[float, ClassEnumerator | ViaEnumerator]:
+    def _scouts(self) -> dict[float, ClassEnumerator]:
         """Enumerators by clearance; each has its own roadmap."""
         return {}
 

@@ -1,7 +1,7 @@
 """Find out where along a route a haven can be reached in time, and where to turn off at last.
 
-From an earlier place a change to the class of another route costs no more: the vessel may sail on
-along its route, and change later, in the same class. So the last place is found by bisection.
+The last place from which the vessel can change to another route's class is found by bisection:
+from an earlier place the change costs no more, as the vessel may also sail on and change later.
 """
 
 import contextlib
@@ -44,23 +44,15 @@ from renew.underway.survey import (
 _SAME = 0.01
 
 
-def check_cover(
+def _limit_faults(
     route: Route,
-    chart: Chart,
     vessel: Vessel,
-    havens: Sequence[Haven],
-    *,
     within: float | None,
     within_fuel: float | None,
     endurance: float | None,
-) -> None:
-    """Refuse arguments out of range: the error names all faults."""
-    check_kind("route", route, Route)
-    check_objects(chart, vessel)
-    for at, haven in enumerate(havens):
-        check_kind(f"havens[{at}]", haven, Haven)
-    faults = [] if havens else ["havens is empty: give one renew.Haven at least"]
-    turn, rate = vessel.turn_period, vessel.fuel_rate
+) -> list[str]:
+    """Return the faults of limits (s, fuel units), and of a route to which they can't apply."""
+    faults, turn, rate = list[str](), vessel.turn_period, vessel.fuel_rate
     least = {"within": (within, turn, "s"), "within_fuel": (within_fuel, rate * turn, "fuel units")}
     for name, (value, lowest, unit) in least.items():
         if value is not None and not (is_finite(value) and value >= lowest):
@@ -84,11 +76,10 @@ def check_cover(
             f"the vessel makes {vessel.speed:.3g} m/s: only routes at the vessel's own speed can "
             "be covered"
         )
-    if faults:
-        raise ParameterError("; ".join(faults))
+    return faults
 
 
-def usable(
+def _usable(
     havens: Sequence[Haven], request: Request, route: Route
 ) -> tuple[list[Haven], list[tuple[Haven, PlanningError]]]:
     """Return the havens that can be used, and the others with reasons.
@@ -130,7 +121,7 @@ def _fault(haven: Haven, request: Request) -> PlanningError | None:
         return ParameterError(
             f"haven {haven.name} is open from {{0}} until {{1}}; the route departs at {{2}}, and "
             "the current is known until {3}",
-            *(Moment(one) for one in (haven.opens, haven.closes, first, last)),
+            *(Moment(time) for time in (haven.opens, haven.closes, first, last)),
         )
     return None
 
@@ -185,9 +176,10 @@ def _last_turn(survey: Survey, number: int, good: int, bad: int, within: float) 
 def _narrowed(
     survey: Survey, number: int, good: int, bad: int, way: Diversion, within: float
 ) -> tuple[int, int, Diversion]:
-    """Return two samples close together: by ways near each other, the first is the last within.
+    """Narrow two samples: from `good` the haven is within the limits, from `bad` it is not.
 
-    A known `way` from the first of the two given ones is within the limits.
+    Only ways near a known one are planned. Returns the new samples, at most `_LAST` apart, and the
+    way from the good one; `way` is the way from the good one given.
     """
     beyond = math.inf
     while bad - good > _LAST:
@@ -217,9 +209,9 @@ def no_return(survey: Survey) -> LastTurn | None:
     may_be = np.flatnonzero(back <= left)
     last = min(int(may_be[-1]) + 1, len(survey.times) - 1)
     for good in (last, last // 2, last // 8, last // 32):
-        found = _last_turn(survey, -1, good, last, math.inf) if good > 0 else None
-        if found is not None:
-            return found
+        last_turn = _last_turn(survey, -1, good, last, math.inf) if good > 0 else None
+        if last_turn is not None:
+            return last_turn
     return None
 
 
@@ -228,24 +220,22 @@ def equal_points(survey: Survey) -> tuple[EqualPoint, ...]:
     nearest = survey.least.argmin(axis=0)
     points = list[EqualPoint]()
     for change in (np.flatnonzero(np.diff(nearest)) + 1).tolist():
-        one, other = int(nearest[change - 1]), int(nearest[change])
-        if survey.least[one, change] <= _EQUAL * survey.limit[change]:
-            point = _equal_point(survey, one, other, change)
+        before, after = int(nearest[change - 1]), int(nearest[change])
+        if survey.least[before, change] <= _EQUAL * survey.limit[change]:
+            point = _equal_point(survey, before, after, change)
             points += [] if point is None else [point]
     return tuple(points)
 
 
-def _equal_point(survey: Survey, one: int, other: int, change: int) -> EqualPoint | None:
-    """Return the place near a sample before which one haven is nearer, after it the other."""
+def _equal_point(survey: Survey, before: int, after: int, change: int) -> EqualPoint | None:
+    """Return the place near a sample where the nearest haven changes from one to another."""
 
     def point_at(sample: int) -> EqualPoint | None:
-        before, after = (
-            survey.planned(number, sample, is_thorough=False) for number in (one, other)
-        )
-        return None if before is None or after is None else EqualPoint(before, after)
+        ways = [survey.planned(haven, sample, is_thorough=False) for haven in (before, after)]
+        return EqualPoint(ways[0], ways[1]) if ways[0] and ways[1] else None
 
     def difference(point: EqualPoint | None) -> float:
-        """Return how much longer (s) the way to the first haven takes; NaN if one has no way."""
+        """Return by how much (s) the way to the earlier haven is longer; NaN without both ways."""
         return math.nan if point is None else point.before.duration - point.after.duration
 
     last, wide = len(survey.times) - 1, SAMPLES // 24
@@ -361,13 +351,18 @@ def cover(
         No limit, or one that no route can keep; a route that chose speeds, or of another vessel or
         current; havens that can't be used, if none is left.
     """
-    check_cover(
-        route, chart, vessel, havens, within=within, within_fuel=within_fuel, endurance=endurance
-    )
+    check_kind("route", route, Route)
+    check_objects(chart, vessel)
+    for at, haven in enumerate(havens):
+        check_kind(f"havens[{at}]", haven, Haven)
     for at, other in enumerate(others):
         check_kind(f"others[{at}]", other, Route)
+    faults = [] if havens else ["havens is empty: give one renew.Haven at least"]
+    faults += _limit_faults(route, vessel, within, within_fuel, endurance)
     if not (is_finite(dearer_by) and 0 <= dearer_by <= 1):
-        raise ParameterError(f"dearer_by = {shown(dearer_by)} must be a share from 0 to 1")
+        faults.append(f"dearer_by = {shown(dearer_by)} must be a share from 0 to 1")
+    if faults:
+        raise ParameterError("; ".join(faults))
     within, within_fuel, endurance = (
         math.inf if limit is None else float(limit) for limit in (within, within_fuel, endurance)
     )
@@ -380,18 +375,17 @@ def cover(
         changes=changes,
         departure=float(route.trajectory[0, 0]),
     )
-    usable_ones, left_out = usable(havens, request, route)
+    usable, left_out = _usable(havens, request, route)
     rate = vessel.fuel_rate
     survey = Survey(
-        request, route, tuple(usable_ones), min(within, within_fuel / rate), endurance / rate
+        request, route, tuple(usable), min(within, within_fuel / rate), endurance / rate
     )
-    # In this order: a way that one step has planned is known to the next.
+    # The order matters: each step uses the ways that the steps before it have planned.
     stretches = survey.stretches()
     aborts, equals = abort_points(survey), equal_points(survey)
     no_way_back = no_return(survey)
     turns = class_turns(survey, others, dearer_by)
-    faults = [survey.fault(number) for number in range(len(usable_ones))]
-    with_faults = list(zip(usable_ones, faults, strict=True))
+    with_faults = [(haven, survey.fault(number)) for number, haven in enumerate(usable)]
     left_out += [(haven, fault) for haven, fault in with_faults if fault is not None]
     return Coverage(
         route=route,

@@ -1,17 +1,16 @@
 """Lead a vessel under way onto its route, out of V and round from its heading; choose the class.
 
-The way ahead is what it still has before it of the path that was planned. It joins this way on an
-arc by its turn rate, and then holds a straight course to a point of the way. (Without a current: a
-Dubins path of an arc and a line.)
+The way ahead is the rest of the planned path. The vessel turns towards it on an arc by its turn
+rate, and then holds a straight course to a point of the way. (Without a current: a Dubins path of
+an arc and a line.)
 
 The class that was planned is kept, unless another saves enough.
 """
 
 import contextlib
 import itertools
-from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -168,7 +167,7 @@ def first_arcs(heading: float, path: FloatArray, voyage: Voyage) -> list[Arc]:
     times = voyage.departure + np.arange(_STEPS + 1) * vessel.turn_period / _STEPS
     ahead, length = shares(path), float(shapely.LineString(path).length)
     radius, chart = voyage.vessel.turning_radius / length, voyage.chart
-    found = list[Arc]()
+    arcs = list[Arc]()
     joints = {min(multiple * radius, 1.0) for multiple in _JOINED_AT}
     for along in sorted({*joints, min(max(ahead[1], _NEAREST * radius), 1.0)}):
         joint = np.array([np.interp(along, ahead, axis) for axis in path.T])
@@ -182,8 +181,8 @@ def first_arcs(heading: float, path: FloatArray, voyage: Voyage) -> list[Arc]:
                 continue
             way = np.vstack([rows[-1, 1:3], joint, rest])
             onwards = replace(voyage, start=way[0]).leaving(float(rows[-1, 0]))
-            found.append(Arc(rows, way, onwards.departure + onwards.duration(way)))
-    return sorted(found, key=lambda one: one.arrival)
+            arcs.append(Arc(rows, way, onwards.departure + onwards.duration(way)))
+    return sorted(arcs, key=lambda arc: arc.arrival)
 
 
 def _tracks(heading: float, voyage: Voyage) -> FloatArray:
@@ -242,16 +241,11 @@ _STRAIGHT = 1e-6
 _LATE = 0.25
 
 
-Follow: TypeAlias = Callable[[ClassPlanner, FloatArray], ClassPath]
-"""Finds the best path of the class of a way ahead (n, 2); raises InfeasibleError without one."""
-
-
-def led_in(
+def _led_in(
     route: Route,
     planner: ClassPlanner,
     heading: float | None,
     *,
-    follow: Follow,
     is_proven: bool,
 ) -> Route:
     """Return a route begun on the heading (rad) that the vessel has, if one is given.
@@ -260,14 +254,14 @@ def led_in(
     plan was verified from this very place, so no leg is added. Raises InfeasibleError if there is
     no room.
     """
-    out = None if is_proven else _way_out(route, planner)
+    exit_point = None if is_proven else _way_out(route, planner)
     exit_rows, route_after, planner_there = np.empty((0, 4)), route, planner
-    if out is not None:
+    if exit_point is not None:
         with contextlib.suppress(InfeasibleError):
-            exit_rows, route_after, planner_there = _led_out(out, route, planner, heading, follow)
+            exit_rows, route_after, planner_there = _led_out(exit_point, route, planner, heading)
     heading = float(exit_rows[-1, 3]) if len(exit_rows) else heading
     if heading is not None and abs(wrapped(route_after.trajectory[0, 3] - heading)) > _STRAIGHT:
-        arc, route_after = _turned(route_after.path, planner_there, heading, follow)
+        arc, route_after = _turned(route_after.path, planner_there, heading)
         exit_rows = np.vstack([exit_rows[:-1], arc])
     begun = _joined(exit_rows, route_after, planner) if len(exit_rows) else route_after
     if planner.problem.word(begun.path) != planner.problem.word(route.path):
@@ -276,15 +270,16 @@ def led_in(
 
 
 def _led_out(
-    out: FloatArray, route: Route, planner: ClassPlanner, heading: float | None, follow: Follow
+    exit_point: FloatArray, route: Route, planner: ClassPlanner, heading: float | None
 ) -> tuple[FloatArray, Route, ClassPlanner]:
     """Return rows (m, 4) to a point (2,), the class's route from there, and its planner."""
-    rows = _leg_to(out, planner, heading)
+    rows = _leg_to(exit_point, planner, heading)
     there = _onwards(planner, rows[-1])
-    ahead = way_ahead(route.path, abeam(route.path, route.times, out), there.problem.voyage)
+    place = abeam(route.path, route.times, exit_point)
+    ahead = way_ahead(route.path, place, there.problem.voyage)
     if ahead is None:
-        raise InfeasibleError("no straight leg leads from {0} back to its route", out)
-    return rows, there.route(follow(there, ahead)), there
+        raise InfeasibleError("no straight leg leads from {0} back to its route", exit_point)
+    return rows, there.route(_follow(there, ahead)), there
 
 
 def _way_out(route: Route, planner: ClassPlanner) -> FloatArray | None:
@@ -297,12 +292,12 @@ def _way_out(route: Route, planner: ClassPlanner) -> FloatArray | None:
     return planner.corridor(channel).way_out(route.path)
 
 
-def _leg_to(out: FloatArray, planner: ClassPlanner, heading: float | None) -> FloatArray:
+def _leg_to(point: FloatArray, planner: ClassPlanner, heading: float | None) -> FloatArray:
     """Return rows (m, 4) of a trajectory from the voyage's start straight to a point (2,)."""
     voyage = planner.problem.voyage
-    leg, clock = np.vstack([voyage.start, out]), voyage.departure
+    leg = np.vstack([voyage.start, point])
     if heading is None:
-        return steer(leg, voyage.current, voyage.vessel, clock)
+        return steer(leg, voyage.current, voyage.vessel, voyage.departure)
     for arc in first_arcs(heading, leg, voyage):
         if shapely.intersects(shapely.LineString(arc.way), voyage.chart.hard_no_go):
             continue
@@ -311,9 +306,7 @@ def _leg_to(out: FloatArray, planner: ClassPlanner, heading: float | None) -> Fl
     raise InfeasibleError("from its heading at {0} there is no room to turn", voyage.start)
 
 
-def _turned(
-    path: FloatArray, planner: ClassPlanner, heading: float, follow: Follow
-) -> tuple[FloatArray, Route]:
+def _turned(path: FloatArray, planner: ClassPlanner, heading: float) -> tuple[FloatArray, Route]:
     """Return the rows (m, 4) of the first arc from a heading, and the route from its end.
 
     The arc joins the path (n, 2). The quickest arcs may join it on headings that its padding does
@@ -327,12 +320,12 @@ def _turned(
         if best is not None and _arrival(best) <= arc.arrival + _LATE * voyage.vessel.turn_period:
             break
         try:
-            again = follow(_onwards(planner, arc.rows[-1]), arc.way).path
+            again = _follow(_onwards(planner, arc.rows[-1]), arc.way).path
         except InfeasibleError:
             continue
         again = np.vstack([voyage.start, again[1:]])
         other = _first_of(first_arcs(heading, again, voyage), planner)
-        best = min((one for one in (best, other) if one), key=_arrival, default=None)
+        best = min((begun for begun in (best, other) if begun), key=_arrival, default=None)
         if best is not None:
             break
     if best is None:
@@ -340,9 +333,9 @@ def _turned(
     return best
 
 
-def _arrival(found: tuple[FloatArray, Route]) -> float:
+def _arrival(begun: tuple[FloatArray, Route]) -> float:
     """Return when a route begun with an arc comes to the goal, s."""
-    return float(found[1].times[-1])
+    return float(begun[1].times[-1])
 
 
 def _first_of(arcs: list[Arc], planner: ClassPlanner) -> tuple[FloatArray, Route] | None:
@@ -373,32 +366,32 @@ def _unwound(rows: FloatArray, before: FloatArray) -> FloatArray:
     return turned
 
 
-def _joined(rows: FloatArray, tail: Route, planner: ClassPlanner) -> Route:
-    """Return the route that begins with rows (m, 4) and continues with another route, the tail.
+def _joined(rows: FloatArray, route_after: Route, planner: ClassPlanner) -> Route:
+    """Return the route that begins with rows (m, 4) and continues with another route.
 
     Fuel and times are those of its whole path by Eq. 4, as of every route.
     """
     problem = planner.problem
     voyage, lead = problem.voyage, rows[:-1]
-    path = np.vstack([lead[:, 1:3], tail.path])
+    path = np.vstack([lead[:, 1:3], route_after.path])
     times, fuel = voyage.arrivals(path), voyage.fuel(path)
     flown = shapely.LineString(path[: len(lead) + 1])
     land = voyage.chart.hard_no_go
     near = float(shapely.distance(flown, land)) if voyage.chart.no_go else np.inf
     return replace(
-        tail,
+        route_after,
         path=path,
-        trajectory=np.vstack([lead, _unwound(tail.trajectory, rows)]),
+        trajectory=np.vstack([lead, _unwound(route_after.trajectory, rows)]),
         fuel=fuel,
         length=float(shapely.LineString(path).length),
-        clearance=min(near, tail.clearance),
+        clearance=min(near, route_after.clearance),
         duration=float(times[-1] - times[0]),
         times=times,
-        speeds=np.concatenate([np.full(len(lead), voyage.vessel.speed), tail.speeds]),
+        speeds=np.concatenate([np.full(len(lead), voyage.vessel.speed), route_after.speeds]),
         fuel_bound=problem.fuel_bound,
         homotopy=name(problem.word(path)),
         harmonic_mean=fuel,
-        starts_in_soft_no_go=tail.starts_in_soft_no_go or len(lead) > 0,
+        starts_in_soft_no_go=route_after.starts_in_soft_no_go or len(lead) > 0,
     )
 
 
@@ -436,16 +429,16 @@ def choose(
         routes, rejected = list(whole.routes), list(whole.rejected)
     else:
         search = _searched(planner, ahead, word, switch_above, is_proven, track)
-        routes = [planner.route(found) for found in search.all_found.values()]
-        rejected = [one for key, one in search.rejected.items() if key not in search.found]
-    routes.sort(key=lambda one: one.fuel)
-    kept = next((one for one in routes if problem.word(one.path) == word), None)
+        routes = [planner.route(path) for path in search.all_found.values()]
+        rejected = [failed for key, failed in search.rejected.items() if key not in search.found]
+    routes.sort(key=lambda route: route.fuel)
+    kept = next((route for route in routes if problem.word(route.path) == word), None)
     if kept is not None and routes[0].fuel >= (1 - switch_above) * kept.fuel:
-        routes = [kept, *(one for one in routes if one is not kept)]
+        routes = [kept, *(route for route in routes if route is not kept)]
     for at, route in enumerate(routes):
         reason: InfeasibleError | None = None
         try:
-            best = led_in(route, planner, heading, follow=_follow, is_proven=is_proven)
+            best = _led_in(route, planner, heading, is_proven=is_proven)
         except InfeasibleError as error:
             reason = error
         else:
@@ -522,13 +515,13 @@ def _follow(
     if drawn is not None and is_proven:
         return drawn
     try:
-        found = planner.find(channel)
-        if planner.problem.word(found.path) != channel.word:
-            raise InfeasibleError("its least-fuel path slips into another class")  # noqa: TRY301 - as if none was found
+        planned = planner.find(channel)
+        if planner.problem.word(planned.path) != channel.word:
+            raise InfeasibleError("its least-fuel path slips into another class")  # noqa: TRY301 - as if none was planned
     except InfeasibleError:
         if drawn is None:
             raise
         return drawn
-    if drawn is not None and found.fuel > (1 - _WORTH) * drawn.fuel:
+    if drawn is not None and planned.fuel > (1 - _WORTH) * drawn.fuel:
         return drawn
-    return found
+    return planned

@@ -60,13 +60,13 @@ def turn_offs(
 
     The vessel has a `heading` (rad) if one is given.
     """
-    found, left_out = list[TurnOff](), list[tuple[Haven, PlanningError]]()
+    ways, left_out = list[TurnOff](), list[tuple[Haven, PlanningError]]()
     for haven in havens:
         try:
-            found.append(_turn_off(haven, request, heading))
+            ways.append(_turn_off(haven, request, heading))
         except PlanningError as error:
             left_out.append((haven, error))
-    return tuple(sorted(found, key=lambda one: one.fuel)), tuple(left_out)
+    return tuple(sorted(ways, key=lambda way: way.fuel)), tuple(left_out)
 
 
 def _turn_off(haven: Haven, request: Request, heading: float | None) -> TurnOff:
@@ -97,8 +97,7 @@ _OFF = 0.02
 class Replanned:
     """What to do from where the vessel is, and what it costs.
 
-    Fuels are in fuel units: `burnt` + `fuel` = what was planned + `by_drift` + `by_forecast` -
-    `saved`.
+    Fuels are in fuel units: `burnt` + `fuel` = planned fuel + `by_drift` + `by_forecast` - `saved`.
 
     Attributes
     ----------
@@ -118,8 +117,9 @@ class Replanned:
     by_drift : fuel beyond the planned fuel, in the previous plan's current, for the way back to the
         path and on along it: the cost of being off the path, late or early; inf without such a way.
     by_forecast : further fuel that the same way needs in the new current.
-    saved : fuel that the best way saves against that way, in the new current; negative where that
-        way is not safe any more, or the vessel has to turn first; 0 if it turns off to a haven.
+    saved : fuel that the best way saves against the planned way, in the new current; negative if
+        the planned way is not safe any more, or the vessel has to turn first; 0 if it turns off to
+        a haven.
     cause : the error that says why there is no way to the goal, or None.
     turn_offs : if there is none, the ways to havens, least fuel first.
     havens_left_out : havens to which there is no way either, each with the reason.
@@ -222,7 +222,7 @@ def replan(
     at, moved = _in_water(as_point("at", at), asked.chart, asked.vessel.turning_radius)
     route = previous.best
     place = _abeam(route, at, asked)
-    request = _task_ahead(asked, route, place, at, float(time), current)
+    request = _request_ahead(asked, route, place, at, float(time), current)
     begun, rate = float(route.times[0]), asked.vessel.fuel_rate
     known = rate * (time - begun) if burnt is None else float(burnt)
     voyage = planner_of(request).problem.voyage
@@ -261,8 +261,8 @@ def replan(
         moved=moved,
         burnt=known,
         by_drift=known + old - route.fuel,
-        by_forecast=_less(new, old),
-        saved=0.0 if plan is None or ways else _less(new, plan.best.fuel),
+        by_forecast=_difference(new, old),
+        saved=0.0 if plan is None or ways else _difference(new, plan.best.fuel),
         cause=cause,
         turn_offs=ways,
         havens_left_out=left_out,
@@ -340,7 +340,7 @@ def _abeam(route: Route, at: FloatArray, asked: Request) -> Abeam:
     return place._replace(due=float(voyage.arrivals(leg)[-1]))
 
 
-def _task_ahead(
+def _request_ahead(
     asked: Request,
     route: Route,
     place: Abeam,
@@ -350,7 +350,7 @@ def _task_ahead(
 ) -> Request:
     """Return the request for the way ahead, through the via points that lie ahead of the vessel."""
     line, via = shapely.LineString(route.path), asked.stops[1:-1]
-    ahead = [line.project(shapely.Point(one), normalized=True) > place.along for one in via]
+    ahead = [line.project(shapely.Point(point), normalized=True) > place.along for point in via]
     request = replace(
         asked,
         current=asked.current if current is None else as_field(current),
@@ -375,6 +375,6 @@ def _fuels_of(ahead: FloatArray | None, voyage: Voyage, asked: Request) -> tuple
     return replace(voyage, waters=asked.waters).fuel(ahead), new
 
 
-def _less(one: float, other: float) -> float:
+def _difference(fuel: float, other: float) -> float:
     """Return a difference of fuels; infinite if a way can't be sailed in one of the currents."""
-    return one - other if math.isfinite(one) and math.isfinite(other) else math.inf
+    return fuel - other if math.isfinite(fuel) and math.isfinite(other) else math.inf

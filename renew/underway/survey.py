@@ -2,10 +2,10 @@
 
 Ways to havens are planned from places of the route, on its heading, for vessels that are early, on
 time and late. Between two stations the vessel may carry on and turn off at the next one: its time
-to the haven is then at most the rest of the stretch and the way from there. So one planned way
-covers all places before it, as far as the limits go. Conversely, a vessel at x has passed a place a
-before it, and needs at least the least time from a to the haven, less the time from a to x. So
-bounds at close samples prove all places between them uncovered.
+to the haven is then at most the time to that station plus the time of the way from there. So one
+planned way covers all places before it from which this sum is within the limits. Conversely, a
+vessel at x came from an earlier place a. It needs at least the least time from a to the haven, less
+the time from a to x. So bounds at close samples prove all places between them uncovered.
 """
 
 import itertools
@@ -39,11 +39,11 @@ class Diversion:
     time : when a vessel that is on time turns off, s, on the current's clock.
     place : where it turns off, (2,) m.
     heading : the route's heading there, rad, anticlockwise from the x-axis; the way begins on it.
-    route : the way as it is planned and steered, for a vessel that is as early as the route allows
-        for; it is safe for all that are early, on time or late.
+    route : the planned way, for the earliest vessel that the route allows for; it is safe for every
+        vessel that is early, on time or late.
     duration : time to the haven, s, for a vessel on time, with the wait until it opens.
-    fuel : fuel for that (fuel units).
-    longest : the most time to the haven, s, of all vessels that are early, on time or late.
+    fuel : fuel that a vessel on time needs to the haven (fuel units).
+    longest : the longest time to the haven, s, for any vessel that is early, on time or late.
     """
 
     haven: Haven
@@ -69,9 +69,9 @@ class Stretch:
         neither is shown.
     diversion : the way to take: carry on along the route to its place, no earlier than `end`, and
         turn off there. None unless covered.
-    longest : the most time to the haven, s, from any place of it, the rest of the stretch included;
-        inf unless covered.
-    least : no vessel on time gets to a haven in less than this, s, from any place of it.
+    longest : the longest time to the haven, s, from any place of the stretch, with the way along
+        the rest of the stretch; inf unless covered.
+    least : from no place of the stretch does a vessel on time get to a haven in less than this, s.
     cause : why the last plan from a stretch that is not settled failed, or None.
     """
 
@@ -104,8 +104,8 @@ class EqualPoint:
 
     Attributes
     ----------
-    before, after : the ways from there: to the haven that is nearer before it, and to the one that
-        is nearer after it.
+    before : the way from there to the haven that is nearest before it.
+    after : the way from there to the haven that is nearest after it.
     """
 
     before: Diversion
@@ -125,7 +125,8 @@ class ClassTurn:
     ----------
     other : the route of that class from the start.
     diversion : the way from there to the goal, in that class; its haven has the class's name.
-    fuel : fuel of the whole voyage: along the route up to there, and on by the way (fuel units).
+    fuel : fuel of the whole voyage, along the route up to that place and then along the way (fuel
+        units).
     """
 
     other: Route
@@ -173,17 +174,19 @@ class Coverage:
 
     def share(self, state: State) -> float:
         """Share of the route's time in a state, 0 to 1."""
-        times = [one.end - one.begin for one in self.stretches if one.state == state]
+        times = [
+            stretch.end - stretch.begin for stretch in self.stretches if stretch.state == state
+        ]
         return sum(times) / (self.stretches[-1].end - self.stretches[0].begin)
 
     @property
     def is_covered(self) -> bool:
         """Whether the whole route is covered."""
-        return all(one.state == "covered" for one in self.stretches)
+        return all(stretch.state == "covered" for stretch in self.stretches)
 
     def at(self, time: float) -> Stretch:
         """Return the stretch in which a vessel on time is at a time (s)."""
-        ends = [one.end for one in self.stretches]
+        ends = [stretch.end for stretch in self.stretches]
         return self.stretches[min(int(np.searchsorted(ends, time)), len(ends) - 1)]
 
 
@@ -258,15 +261,16 @@ class Survey:
         tightest = min(self.limit_at(begin, self.within), end - begin)
         step = max(tightest / SAMPLES, (end - begin) / _MOST_SAMPLES)
         self.times = np.linspace(begin, end, max(2, math.ceil((end - begin) / step) + 1))
-        self.limit = np.array([self.limit_at(one, self.within) for one in self.times])
+        self.limit = np.array([self.limit_at(time, self.within) for time in self.times])
         places = np.array([self.row(time)[:2] for time in self.times.tolist()])
-        # Bounds are close up to the limits, and hold for whoever is under way until the last does.
+        # Bounds are close up to the limits only, and hold until the latest vessel has arrived.
         voyage, most = planner_of(self.request).problem.voyage, _ABOVE * float(self.limit.max())
         last = end + self.off(end)
         bounds = [
-            HavenBound.of(replace(voyage, goal=one.place), most, last + most) for one in self.havens
+            HavenBound.of(replace(voyage, goal=haven.place), most, last + most)
+            for haven in self.havens
         ]
-        self.least = np.array([one.at(places) for one in bounds])
+        self.least = np.array([bound.at(places) for bound in bounds])
         if not self.request.current.is_steady:
             self._raise_with_clock()
 
@@ -283,8 +287,8 @@ class Survey:
     @property
     def found(self) -> tuple[Diversion, ...]:
         """All ways that were found, in the order of their times."""
-        ways = [one for one in self._found.values() if isinstance(one, Diversion)]
-        return tuple(sorted(ways, key=lambda one: one.time))
+        ways = [way for way in self._found.values() if isinstance(way, Diversion)]
+        return tuple(sorted(ways, key=lambda way: way.time))
 
     def row(self, time: float) -> FloatArray:
         """Return place (m) and heading (rad) of a vessel that is on time (3,)."""
@@ -299,7 +303,7 @@ class Survey:
         return np.vstack([ends[0], inside, ends[1]])
 
     def off(self, time: float) -> float:
-        """Return by how much (s) a vessel may be early or late for its ways; 0 if steady."""
+        """Return `late`; 0 in a steady current, where it does not matter when a way begins."""
         return 0.0 if self.request.current.is_steady else self.late(time)
 
     def late(self, time: float) -> float:
@@ -309,24 +313,24 @@ class Survey:
 
     def last_within(self, haven: int) -> float | None:
         """Return the last time (s) from which a way within the limits was found to a haven."""
-        ways = [one for (which, _), one in self._found.items() if which == haven]
-        within = [one.time for one in ways if isinstance(one, Diversion) and self.is_within(one)]
+        ways = [way for (which, _), way in self._found.items() if which == haven]
+        within = [way.time for way in ways if isinstance(way, Diversion) and self.is_within(way)]
         return max(within, default=None)
 
     def fault(self, haven: int) -> PlanningError | None:
         """Return why no way to a haven was found; None if one was, or none was looked for."""
-        asked = [one for (which, _), one in self._found.items() if which == haven]
-        faults = [one for one in asked if isinstance(one, PlanningError)]
+        asked = [outcome for (which, _), outcome in self._found.items() if which == haven]
+        faults = [outcome for outcome in asked if isinstance(outcome, PlanningError)]
         return faults[-1] if faults and len(faults) == len(asked) else None
 
     def _nearest(self, haven: int, time: float, most: float) -> Diversion | None:
         """Return the way to a haven that is nearest in time to a time (s), up to `most` (s)."""
         ways = [
-            one
-            for (which, _), one in self._found.items()
-            if which == haven and isinstance(one, Diversion) and abs(one.time - time) <= most
+            way
+            for (which, _), way in self._found.items()
+            if which == haven and isinstance(way, Diversion) and abs(way.time - time) <= most
         ]
-        return min(ways, key=lambda one: abs(one.time - time), default=None)
+        return min(ways, key=lambda way: abs(way.time - time), default=None)
 
     def _to(self, number: int, time: float, near: Diversion | None) -> Diversion:
         """Return the way to a haven for a vessel that is on time at a time (s).
@@ -348,10 +352,10 @@ class Survey:
                     self._found[key] = way
             if near is None:
                 self._whole.add(key)
-        found = self._found[key]
-        if isinstance(found, PlanningError):
-            raise found
-        return found
+        outcome = self._found[key]
+        if isinstance(outcome, PlanningError):
+            raise outcome
+        return outcome
 
     def onto(self, other: Route, time: float) -> Diversion:
         """Return the way to the goal in the class of another route, from the place at a time (s).
@@ -442,7 +446,7 @@ class Survey:
         return self._longest(way.haven, path, voyage, self._hours(rows, voyage))
 
     def _hours(self, rows: FloatArray, voyage: Voyage) -> tuple[float, float]:
-        """Return hours at the begin of a stretch (n, 3) that hold all vessels in time on it."""
+        """Return the first and last time (s) at which a vessel in time begins a stretch (n, 3)."""
         times, path = rows[:, 0], rows[:, 1:]
         off = np.array([self.off(time) for time in times.tolist()])
         wide = float(off.max())
@@ -464,7 +468,7 @@ class Survey:
     def excess(self, way: Diversion, within: float, time: float | None = None) -> float:
         """Return by how much (s) a way takes more than `within` (s), or than the endurance leaves.
 
-        It is taken from its own place, or from that passed at an earlier time (s).
+        The way begins at its own place, or at the place that is passed at an earlier time (s).
         """
         time = way.time if time is None else time
         # A late vessel has burnt more: all that arrive by the latest arrival keep the endurance.
@@ -476,9 +480,9 @@ class Survey:
         return min(within, self.endurance - (time - self.begin))
 
     def _raise_with_clock(self) -> None:
-        """Raise the bounds by those from places of the route, which know the hours.
+        """Raise the bounds: compute them again from places of the route, with the clock running.
 
-        In a current that changes they are closer than the bounds from the havens.
+        In a current that changes these are closer than the bounds from the havens.
         """
         at, last = 0, len(self.times) - 1
         while at < last:
@@ -532,22 +536,26 @@ class Survey:
                 yield from self._with_fewer_ways(list(self._settled(a, b)))
 
     def _with_fewer_ways(self, stretches: Sequence[Stretch]) -> Iterator[Stretch]:
-        """Yield stretches between two stations, the last first, by as few of their ways as do."""
+        """Yield stretches between two stations, the last first, with as few ways as possible."""
         way: Diversion | None = None
-        for one in stretches:
-            if one.diversion is not None and way is not None and self.is_within(way, one.begin):
-                longest = self.longest_from(one.begin, way)
-                yield replace(one, diversion=way, longest=longest)
+        for stretch in stretches:
+            if (
+                stretch.diversion is not None
+                and way is not None
+                and self.is_within(way, stretch.begin)
+            ):
+                longest = self.longest_from(stretch.begin, way)
+                yield replace(stretch, diversion=way, longest=longest)
                 continue
-            way = one.diversion
-            yield one
+            way = stretch.diversion
+            yield stretch
 
     def _settled(self, first: int, last: int) -> Iterator[Stretch]:
         """Yield the stretches between two samples, the last first."""
         before = float(self.times[first])
-        ways = [one for one in self._ways(last) if self.is_within(one, before)]
+        ways = [way for way in self._ways(last) if self.is_within(way, before)]
         if ways:
-            way = min(ways, key=lambda one: one.longest)
+            way = min(ways, key=lambda way: way.longest)
             stretch = self._stretch(first, last, "covered")
             yield replace(stretch, diversion=way, longest=self.longest_from(before, way))
         elif last - first == 1 or (
@@ -577,7 +585,7 @@ class Survey:
         ways, time = list[Diversion](), float(self.times[sample])
         for number in np.argsort(self.least[:, sample], kind="stable").tolist():
             least = self.least[number, sample]
-            if least > self.limit[sample] or any(one.duration <= least for one in ways):
+            if least > self.limit[sample] or any(known.duration <= least for known in ways):
                 break
             way = self.planned(number, sample)
             if way is not None and self.is_within(way, time):
@@ -585,9 +593,10 @@ class Survey:
         return ways
 
     def planned(self, number: int, sample: int, *, is_thorough: bool = True) -> Diversion | None:
-        """Return the way to a haven from a sample, near a known one if that is good enough.
+        """Return the way to a haven from a sample; None if none is found.
 
-        If not `is_thorough`, one near a known one is good enough.
+        It is first planned near a known way. If it is then not within the limits, a thorough search
+        plans it in all classes, too.
         """
         time = float(self.times[sample])
         near = self._nearest(number, time, self.step * _STATIONS)
@@ -605,10 +614,10 @@ class Survey:
 def _joined(stretches: Sequence[Stretch]) -> list[Stretch]:
     """Return stretches in order; neighbours with the same way, or both without one, are joined."""
     joined = list[Stretch]()
-    for one in stretches:
+    for stretch in stretches:
         last = joined[-1] if joined else None
-        if last is None or last.state != one.state or last.diversion is not one.diversion:
-            joined.append(one)
+        if last is None or last.state != stretch.state or last.diversion is not stretch.diversion:
+            joined.append(stretch)
             continue
-        joined[-1] = replace(last, end=one.end, least=min(last.least, one.least))
+        joined[-1] = replace(last, end=stretch.end, least=min(last.least, stretch.least))
     return joined

@@ -110,7 +110,7 @@ class Sailing:
     @property
     def is_late(self) -> bool:
         """Whether every class, also of later departures, arrives after the current's last time."""
-        causes = [one.cause for one in self.rejected]
+        causes = [rejected.cause for rejected in self.rejected]
         return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
 
 
@@ -260,14 +260,14 @@ class DepartureWindow:
     @property
     def best(self) -> Sailing:
         """The shortest sailing; of equal ones, the earliest."""
-        return min(self.sailings, key=lambda one: one.duration)
+        return min(self.sailings, key=lambda sailing: sailing.duration)
 
     @property
     def unproven(self) -> float:
         """Time (s) by which a departure that is not planned may beat the best planned one."""
         if math.isinf(self._change) or self.best.found is None:
             return math.inf
-        bound = min((one.least_duration for one in self._intervals()), default=math.inf)
+        bound = min((i.least_duration for i in self._intervals()), default=math.inf)
         return max(0.0, self.best.duration - bound)
 
     def refine(self, tolerance: float) -> None:
@@ -280,21 +280,22 @@ class DepartureWindow:
         while True:
             goal = self.best.duration - tolerance
             slack = _NEGLIGIBLE * tolerance
-            open_ones = [
-                one
-                for one in self._intervals()
-                if one.least_duration < goal - slack and one.end - one.begin > tolerance + slack
+            may_hold_better = [
+                interval
+                for interval in self._intervals()
+                if interval.least_duration < goal - slack
+                and interval.end - interval.begin > tolerance + slack
             ]
-            if not open_ones:
+            if not may_hold_better:
                 break
-            one = min(open_ones, key=lambda interval: interval.least_duration)
-            self._plan(self._on_grid(max(one.reach(goal), one.begin + tolerance)))
+            likeliest = min(may_hold_better, key=lambda interval: interval.least_duration)
+            self._plan(self._on_grid(max(likeliest.reach(goal), likeliest.begin + tolerance)))
         self._order_by_arrival()
 
     def refine_around_best(self) -> None:
         """Plan departures ever closer to the best one, on both sides; no bound requires them."""
         for _ in range(_FINER):
-            times = [one.departure for one in self.sailings]
+            times = [sailing.departure for sailing in self.sailings]
             at = times.index(self.best.departure)
             for begin, end in itertools.pairwise(times[max(at - 1, 0) : at + 2]):
                 middle = self._on_grid((begin + end) / 2)
@@ -305,27 +306,28 @@ class DepartureWindow:
     def plan_best(self) -> Plan:
         """Plan all classes at the best departure, and keep its best sailing."""
         plan, sailing = all_classes_at(self._request, self.best)
-        kept = [one for one in self.sailings if one.departure != sailing.departure]
-        self._insert(kept, sailing)
+        others = [other for other in self.sailings if other.departure != sailing.departure]
+        self._insert(others, sailing)
         self._order_by_arrival()
         return plan
 
     def departures(self, plan: Plan) -> Departures:
         """Return the result, with the plan of the best departure."""
-        paths = [None if one.found is None else one.found.path for one in self.sailings]
+        sailings = self.sailings
+        paths = [None if sailing.found is None else sailing.found.path for sailing in sailings]
         times, names = list[FloatArray | None](), list[str]()
-        for one, path in zip(self.sailings, paths, strict=True):
-            problem = one.planner.problem
+        for sailing, path in zip(sailings, paths, strict=True):
+            problem = sailing.planner.problem
             times.append(None if path is None else problem.voyage.arrivals(path))
             names.append("" if path is None else name(problem.word(path)))
         return Departures(
-            departures=np.array([one.departure for one in self.sailings]),
-            arrivals=np.array([one.arrival for one in self.sailings]),
-            fuels=np.array([one.fuel for one in self.sailings]),
+            departures=np.array([sailing.departure for sailing in sailings]),
+            arrivals=np.array([sailing.arrival for sailing in sailings]),
+            fuels=np.array([sailing.fuel for sailing in sailings]),
             paths=tuple(paths),
             times=tuple(times),
             homotopies=tuple(names),
-            causes=tuple(one.cause if one.found is None else None for one in self.sailings),
+            causes=tuple(s.cause if s.found is None else None for s in sailings),
             unproven=self.unproven,
             plan=plan,
         )
@@ -353,11 +355,11 @@ class DepartureWindow:
 
     def _insert(self, others: Sequence[Sailing], sailing: Sailing) -> None:
         """Insert a sailing into others, in order of departure."""
-        self.sailings = sorted((*others, sailing), key=lambda one: one.departure)
+        self.sailings = sorted((*others, sailing), key=lambda other: other.departure)
 
     def _intervals(self) -> Iterator[_Interval]:
         """Yield the intervals between departures, with bounds on durations."""
-        least_after = list(itertools.accumulate((one.arrival for one in self.sailings[::-1]), min))
+        least_after = list(itertools.accumulate((s.arrival for s in self.sailings[::-1]), min))
         bound = -math.inf
         for (here, after), least in zip(
             itertools.pairwise(self.sailings), least_after[:0:-1], strict=True

@@ -62,7 +62,7 @@ class EnsembleBound:
     members: Members
     paths: Sequence[FloatArray]
     in_mean: FuelBound
-    _known: dict[str, float] = field(default_factory=dict, init=False)
+    _known: dict[float, float] = field(default_factory=dict, init=False)
 
     @cached_property
     def of_members(self) -> FloatArray:
@@ -75,22 +75,17 @@ class EnsembleBound:
         Regret has none: a route may be the best in every member. CVaR is the mean of the worst
         members, a share `tail` of them by weight.
         """
-        key = f"{name} {tail}"
-        if key not in self._known:
-            self._known[key] = self._larger(name, tail)
-        return self._known[key]
-
-    def _larger(self, name: Statistic, tail: float) -> float:
-        """Return the larger of the two bounds."""
         if name == "regret":
             return 0.0
-        own = float(statistic(name, self.of_members[None], self.members.weights, tail)[0])
+        by_members = float(statistic(name, self.of_members[None], self.members.weights, tail)[0])
         if not self.members.are_steady or name == "p90":
-            return own
-        return max(own, self.in_mean.value, self._dual(tail) if name == "cvar90" else 0.0)
+            return by_members
+        return max(by_members, self.in_mean.value, self._dual(tail) if name == "cvar90" else 0.0)
 
     def _dual(self, tail: float) -> float:
         """Return the largest bound in a mean current by weights that CVaR may take."""
+        if tail in self._known:
+            return self._known[tail]
         weights, best = self.members.weights, 0.0
         # In each member, infinite where no way is made.
         fuels = np.array([self._by_member(partial(Voyage.fuel, path=path)) for path in self.paths])
@@ -102,12 +97,13 @@ class EnsembleBound:
             worst = worst_weights(fuels[nearest], self.members.weights, tail)
             weights = (1 - step) * weights + step * worst
             best = max(best, fuel_lower_bound(self._in_mean(weights)))
+        self._known[tail] = best
         return best
 
     def _by_member(self, figure: Callable[[Voyage], float]) -> FloatArray:
         """Return a figure (m,) of the voyage in each member, found once for each field."""
-        found = {id(one.current): figure(one) for one in self.voyages}
-        return np.array([found[id(one)] for one in self.members.fields])
+        by_field = {id(voyage.current): figure(voyage) for voyage in self.voyages}
+        return np.array([by_field[id(field)] for field in self.members.fields])
 
     @cached_property
     def voyages(self) -> tuple[Voyage, ...]:
@@ -174,11 +170,8 @@ class EnsemblePlan:
     @property
     def shares(self) -> FloatArray:
         """Share (k,) of the members, by weight, in which each route is the best one."""
-        found = np.zeros(len(self.routes))
-        for at, weight in zip(self.best_in, self.members.weights.tolist(), strict=True):
-            if at >= 0:
-                found[at] += weight
-        return found
+        at, weights = np.array(self.best_in), self.members.weights
+        return np.bincount(at[at >= 0], weights[at >= 0], len(self.routes)).astype(float)
 
     @cached_property
     def statistics(self) -> dict[Statistic, FloatArray]:
@@ -194,8 +187,8 @@ class EnsemblePlan:
 
     def gap(self, name: Statistic) -> float:
         """Share by which a statistic of the best route is above its bound; inf without a bound."""
-        bound, found = self.bound.of(name), float(self.statistics[name][self.plan.chosen])
-        return max(0.0, found / bound - 1) if bound > 0 else float("inf")
+        bound, value = self.bound.of(name), float(self.statistics[name][self.plan.chosen])
+        return max(0.0, value / bound - 1) if bound > 0 else math.inf
 
 
 def plan_ensemble(
@@ -270,8 +263,10 @@ def plan_ensemble(
         request = replace(request, members=members.distinct)
     plan = finished(plan_request(request), request)
     voyage = planner_of(request).problem.voyage
-    bound = EnsembleBound(voyage, members, [one.path for one in plan.routes], plan.best.fuel_bound)
-    fuels, shut = _flown(plan.routes, bound, members)
+    bound = EnsembleBound(
+        voyage, members, [route.path for route in plan.routes], plan.best.fuel_bound
+    )
+    fuels, shut = _sailed_in_members(plan.routes, bound, members)
     chosen, dearer = _chosen(choose, fuels, members.weights, sure, request.options.seed)
     return EnsemblePlan(
         plan=replace(plan, chosen=chosen),
@@ -303,15 +298,15 @@ def _check(members: Members, choose: Statistic, sure: object, avoid: Sequence[Sh
             )
 
 
-def _flown(
+def _sailed_in_members(
     routes: Sequence[Route], bound: EnsembleBound, members: Members
 ) -> tuple[FloatArray, tuple[ShutInMember, ...]]:
     """Return the fuel (k, m) of each route in each member, and where it can't be sailed."""
     fuels, shut = np.empty((len(routes), len(members.fields))), list[ShutInMember]()
     for k, route in enumerate(routes):
-        known = {id(own.current): _sailed(route.path, own) for own in bound.voyages}
-        for m, (one, name) in enumerate(zip(members.fields, members.names, strict=True)):
-            fuels[k, m], cause = known[id(one)]
+        by_field = {id(own.current): _sailed(route.path, own) for own in bound.voyages}
+        for m, (current, name) in enumerate(zip(members.fields, members.names, strict=True)):
+            fuels[k, m], cause = by_field[id(current)]
             if cause is not None:
                 shut.append(ShutInMember(route.homotopy, name, cause))
     return fuels, tuple(shut)

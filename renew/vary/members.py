@@ -47,7 +47,7 @@ class Members(NamedTuple):
     @property
     def distinct(self) -> tuple[CurrentField, ...]:
         """The fields, each once."""
-        return tuple({id(one): one for one in self.fields}.values())
+        return tuple({id(field): field for field in self.fields}.values())
 
     def mean(self, weights: FloatArray) -> CurrentField:
         """Return the mean field by weights (m,), of sum 1; the field itself, if there is one."""
@@ -82,34 +82,38 @@ def as_members(
 def mean_of(fields: Sequence[CurrentField], weights: FloatArray) -> CurrentField:
     """Return the mean of fields by weights (m,) whose sum is 1: on their grid, if all have one."""
     first, clock = fields[0], fields[0].slice_times
-    grids = [one for one in fields if isinstance(one, GriddedCurrent)]
-    if len(grids) == len(fields) and all(same_axes(grids[0].nodes, one.nodes) for one in grids):
-        u, v = np.moveaxis(np.einsum("m,mjik->jik", weights, [one.uv for one in grids]), -1, 0)
+    grids = [field for field in fields if isinstance(field, GriddedCurrent)]
+    if len(grids) == len(fields) and all(same_axes(grids[0].nodes, field.nodes) for field in grids):
+        u, v = np.moveaxis(np.einsum("m,mjik->jik", weights, [field.uv for field in grids]), -1, 0)
         return GriddedCurrent(grids[0].x, grids[0].y, u, v)
-    uniform = [(one.u, one.v) for one in fields if isinstance(one, UniformCurrent)]
+    uniform = [(field.u, field.v) for field in fields if isinstance(field, UniformCurrent)]
     if len(uniform) == len(fields):
         return UniformCurrent(*(weights @ np.array(uniform)).tolist())
     if first.is_steady:
         return FunctionCurrent(
-            lambda points: _mean_velocity([one(points) for one in fields], weights)
+            lambda points: _mean_velocity([field(points) for field in fields], weights)
         )
-    sliced = [one.slices for one in fields if isinstance(one, VaryingCurrent) and one.slices]
-    if len(sliced) == len(fields) and all(np.array_equal(one.slice_times, clock) for one in fields):
+    sliced = [
+        field.slices for field in fields if isinstance(field, VaryingCurrent) and field.slices
+    ]
+    if len(sliced) == len(fields) and all(
+        np.array_equal(field.slice_times, clock) for field in fields
+    ):
         at_times = zip(*sliced, strict=True)
         return VaryingCurrent(clock, [mean_of(then, weights) for then in at_times])
 
     def velocity(points: FloatArray, times: FloatArray) -> FloatArray:
-        return _mean_velocity([one.velocity(points, times) for one in fields], weights)
+        return _mean_velocity([field.velocity(points, times) for field in fields], weights)
 
     return VaryingCurrent(_all_times(fields), velocity)
 
 
 def _shared(fields: Iterable[CurrentField]) -> tuple[CurrentField, ...]:
     """Return the fields; each that equals an earlier one is replaced by that one."""
-    found: list[CurrentField] = []
-    for one in fields:
-        found.append(next((other for other in found if _are_equal(one, other)), one))
-    return tuple(found)
+    shared: list[CurrentField] = []
+    for field in fields:
+        shared.append(next((known for known in shared if _are_equal(field, known)), field))
+    return tuple(shared)
 
 
 def _mean_velocity(velocities: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
@@ -119,8 +123,11 @@ def _mean_velocity(velocities: Sequence[FloatArray], weights: FloatArray) -> Flo
 
 def _all_times(fields: Sequence[CurrentField]) -> FloatArray:
     """Return the times (nt,), s, of all fields within the span that all know."""
-    begin, end = (max(one.slice_times[0] for one in fields), min(f.slice_times[-1] for f in fields))
-    times = np.unique(np.concatenate([one.slice_times for one in fields]))
+    begin, end = (
+        max(field.slice_times[0] for field in fields),
+        min(field.slice_times[-1] for field in fields),
+    )
+    times = np.unique(np.concatenate([field.slice_times for field in fields]))
     return np.asarray(times[(times >= begin) & (times <= end)])
 
 
@@ -145,14 +152,14 @@ def _weight_faults(weights: FloatArray, names: Sequence[str]) -> list[str]:
 def _clock_faults(fields: Sequence[CurrentField], names: Sequence[str]) -> list[str]:
     """Faults of members some of which change while others don't, or of different times."""
     first = fields[0]
-    for one, name in zip(fields, names, strict=True):
-        if one.is_steady != first.is_steady:
-            steady, changing = (name, names[0]) if one.is_steady else (names[0], name)
+    for field, name in zip(fields, names, strict=True):
+        if field.is_steady != first.is_steady:
+            steady, changing = (name, names[0]) if field.is_steady else (names[0], name)
             fault = (
-                f"{steady} is steady, and {changing} changes with time: give all as one or other"
+                f"{steady} is steady, and {changing} changes with time: give all as field or other"
             )
             return [fault]
-    begin, end = max(one.span[0] for one in fields), min(one.span[1] for one in fields)
+    begin, end = max(field.span[0] for field in fields), min(field.span[1] for field in fields)
     if begin < end:
         return []
     late, early = max(fields, key=lambda f: f.span[0]), min(fields, key=lambda f: f.span[1])
@@ -161,17 +168,17 @@ def _clock_faults(fields: Sequence[CurrentField], names: Sequence[str]) -> list[
     return [f"{fault}: members need times in common"]
 
 
-def _are_equal(one: CurrentField, other: CurrentField) -> bool:
+def _are_equal(field: CurrentField, other: CurrentField) -> bool:
     """Whether two fields are the same field, or hold the same values."""
-    if one is other or (type(one) is type(other) and one == other):
+    if field is other or (type(field) is type(other) and field == other):
         return True
-    if isinstance(one, GriddedCurrent) and isinstance(other, GriddedCurrent):
-        return are_same(one.nodes, other.nodes)
-    if isinstance(one, VaryingCurrent) and isinstance(other, VaryingCurrent):
+    if isinstance(field, GriddedCurrent) and isinstance(other, GriddedCurrent):
+        return are_same(field.nodes, other.nodes)
+    if isinstance(field, VaryingCurrent) and isinstance(other, VaryingCurrent):
         return (
-            len(one.slices) == len(other.slices) > 0
-            and np.array_equal(one.slice_times, other.slice_times)
-            and all(map(_are_equal, one.slices, other.slices))
+            len(field.slices) == len(other.slices) > 0
+            and np.array_equal(field.slice_times, other.slice_times)
+            and all(map(_are_equal, field.slices, other.slices))
         )
     return False
 
@@ -218,9 +225,9 @@ def worst_weights(fuels: FloatArray, weights: FloatArray, tail: float = TAIL) ->
     """Return the weights (m,) by which the mean of fuels (m,) is their CVaR."""
     order = np.argsort(-fuels)
     own = weights[order]
-    found = np.empty(len(weights))
-    found[order] = np.clip(tail - (np.cumsum(own) - own), 0, own) / tail
-    return found
+    worst = np.empty(len(weights))
+    worst[order] = np.clip(tail - (np.cumsum(own) - own), 0, own) / tail
+    return worst
 
 
 def surely_dearer(
@@ -232,16 +239,16 @@ def surely_dearer(
     sure: float,
     seed: int,
 ) -> BoolArray:
-    """Whether each class (k,) is dearer than the `best` one, beyond the chance of the members.
+    """Whether each class (k,) is dearer than the `best` one by more than chance.
 
-    That is so if an interval that holds the share `sure` of the bootstrap's differences lies
-    above 0.
+    Chance is which members the ensemble happens to have: an interval that holds the share `sure` of
+    the bootstrap's differences has to lie above 0.
     """
     rng = np.random.default_rng(seed)
     count = len(weights) - 1
     drawn = rng.multinomial(count, weights, size=_DRAWS) / count
-    found = statistic(name, fuels, drawn)
-    more = _difference(found, found[:, [best]])
+    values = statistic(name, fuels, drawn)
+    more = _difference(values, values[:, [best]])
     return np.asarray((more > 0).mean(axis=0) >= (1 + sure) / 2)
 
 
@@ -251,7 +258,7 @@ def _mean(fuels: FloatArray, weights: FloatArray) -> FloatArray:
         return np.asarray(np.where(weights > 0, weights * fuels, 0.0).sum(axis=-1))
 
 
-def _difference(one: FloatArray, other: FloatArray) -> FloatArray:
+def _difference(fuels: FloatArray, other: FloatArray) -> FloatArray:
     """Return fuels less other fuels; 0 where both are infinite."""
     with np.errstate(invalid="ignore"):
-        return np.where(np.isinf(one) & np.isinf(other), 0.0, one - other)
+        return np.where(np.isinf(fuels) & np.isinf(other), 0.0, fuels - other)

@@ -16,7 +16,6 @@ from renew.inputs.options import (
     PlanOptions,
     ViaPoints,
     as_departures,
-    check_objects,
     is_one_of,
 )
 from renew.planner.plan import finished, plan_request
@@ -123,13 +122,13 @@ def plan(
         speed=speed,
     )
     if speed is not None:
-        found = plan_with_speeds(request, departure)
+        result = plan_with_speeds(request, departure)
     elif arrive_by is not None:
         latest = latest_departure(request, departure, float(arrive_by))
-        found = all_classes_at(request, latest)[0]
+        result = all_classes_at(request, latest)[0]
     else:
-        found = plan_request(request)
-    return finished(found, request)
+        result = plan_request(request)
+    return finished(result, request)
 
 
 def plan_departures(
@@ -202,7 +201,6 @@ def plan_departures(
     PlanningError
         As for :func:`plan`, if no given departure has a route.
     """
-    check_objects(chart, vessel, avoid, depth)
     if not isinstance(with_classes, bool | np.bool_):
         raise ParameterError(f"with_classes = {shown(with_classes)} must be true or false")
     if not (is_finite(spacing) and spacing >= 0):
@@ -226,7 +224,7 @@ def plan_departures(
     )
     check_departures(request.current, times)
     if speed is not None:
-        found = departures_with_speeds(request, times, progress)
+        result = departures_with_speeds(request, times, progress)
     else:
         window = DepartureWindow(request, times, spacing=spacing, progress=progress)
         if window.best.found is None:
@@ -234,8 +232,8 @@ def plan_departures(
         if to_within is not None:
             window.refine(to_within)
             window.refine_around_best()
-        found = window.departures(window.plan_best() if with_classes else window.best.plan)
-    return replace(found, plan=finished(found.plan, request))
+        result = window.departures(window.plan_best() if with_classes else window.best.plan)
+    return replace(result, plan=finished(result.plan, request))
 
 
 def _sweep_faults(method: object, speed: object, arrive_by: object, to_within: object) -> list[str]:

@@ -93,19 +93,21 @@ class PriceSearch:
             raise too_late_error(sailing, self.voyage.deadline, "let speed reach {} m/s")
         search, paths = self.first_paths(fastest)
         routes: list[tuple[Route, float]] = []
-        rejected = {word: one for word, one in search.rejected.items() if word not in paths}
-        for word, found in paths.items():
+        rejected = {
+            word: rejection for word, rejection in search.rejected.items() if word not in paths
+        }
+        for word, class_path in paths.items():
             try:
-                settled = self.verified(self.settled(found))
+                settled = self.verified(self.settled(class_path))
             except InfeasibleError as error:
-                rejected[word] = search.rejected_for(found.corridor.channel, error)
+                rejected[word] = search.rejected_for(class_path.corridor.channel, error)
             else:
                 price = profile_of(settled).price
                 kept = settled if self.voyage.has_choice else settled._replace(profile=None)
                 routes.append((self.planner.route(kept), price))
         if not routes:
             raise no_class_error(tuple(rejected.values()), self.planner)
-        routes = sorted(routes, key=lambda one: one[0].fuel)[: self.classes]
+        routes = sorted(routes, key=lambda pair: pair[0].fuel)[: self.classes]
         bound = self._at(routes[0][1]).problem.fuel_bound
         best = tuple(replace(route, fuel_bound=bound) for route, _ in routes)
         return Plan(
@@ -134,65 +136,68 @@ class PriceSearch:
         """Find the first classes with a planner; one class's path is known already."""
         search = ClassSearch(planner)
         search.find_first(self.classes)
-        paths = {one: self.with_speeds(found) for one, found in search.all_found.items()}
+        paths = {
+            of_class: self.with_speeds(class_path)
+            for of_class, class_path in search.all_found.items()
+        }
         if word not in paths or chosen_fuel(first) < chosen_fuel(paths[word]):
             paths[word] = first
         return search, paths
 
-    def settled(self, found: ClassPath) -> ClassPath:
+    def settled(self, class_path: ClassPath) -> ClassPath:
         """Return a class's path at its own price."""
-        best = found
+        best = class_path
         for _ in range(_PRICE_ROUNDS):
-            price = profile_of(found).price
-            if _is_settled(price, found.corridor.voyage.choice.price):
+            price = profile_of(class_path).price
+            if _is_settled(price, class_path.corridor.voyage.price):
                 break
             planner, channel = self._at(price), best.corridor.channel
             at_price = planner.find(channel)
             if planner.problem.word(at_price.path) != channel.word:
                 break
-            found = self.with_speeds(at_price)
-            best = min(best, found, key=chosen_fuel)
+            class_path = self.with_speeds(at_price)
+            best = min(best, class_path, key=chosen_fuel)
         return self.in_time(best)
 
-    def verified(self, found: ClassPath) -> ClassPath:
+    def verified(self, class_path: ClassPath) -> ClassPath:
         """Return the path with enough padding that no turn at its speeds touches land."""
 
-        def again(corridor: Corridor, found: ClassPath) -> ClassPath:
-            planner = self._at(corridor.voyage.choice.price)
-            return self.in_time(self.with_speeds(planner.find_in(corridor, found.path)))
+        def again(corridor: Corridor, class_path: ClassPath) -> ClassPath:
+            planner = self._at(corridor.voyage.price)
+            return self.in_time(self.with_speeds(planner.find_in(corridor, class_path.path)))
 
         return grown_until_clear(
-            found,
+            class_path,
             self.collisions,
             again,
             _STEADY_GROWTH_ROUNDS,
             "hard-over turns at the speeds sailed",
         )
 
-    def collisions(self, found: ClassPath) -> Shortfalls | None:
+    def collisions(self, class_path: ClassPath) -> Shortfalls | None:
         """Return the shortfall of padding for turns at a path's speeds."""
-        profile = profile_of(found)
-        return self.planner.growth.collisions(found.corridor, profile.path, profile.speeds)
+        profile = profile_of(class_path)
+        return self.planner.growth.collisions(class_path.corridor, profile.path, profile.speeds)
 
-    def in_time(self, found: ClassPath) -> ClassPath:
+    def in_time(self, class_path: ClassPath) -> ClassPath:
         """Return the path; raise an error if it is too late at the highest speed."""
-        profile = profile_of(found)
+        profile = profile_of(class_path)
         if not math.isfinite(profile.fuel):
             raise InfeasibleError(
                 "it would arrive at {0} at the earliest, and has to by {1}",
                 Moment(profile.arrival),
                 Moment(self.voyage.deadline),
             )
-        return found
+        return class_path
 
-    def with_speeds(self, found: ClassPath) -> ClassPath:
+    def with_speeds(self, class_path: ClassPath) -> ClassPath:
         """Return a path with the speeds of least fuel."""
-        return found._replace(profile=self.speeds_along(found.path, self.voyage))
+        return class_path._replace(profile=self.speeds_along(class_path.path, self.voyage))
 
     def _planner_at(self, price: float) -> ClassPlanner:
         """Return the planner for a price of time (fuel units a second)."""
         problem = self.planner.problem
-        problem = problem.with_voyage(problem.voyage.at_price(price))
+        problem = problem.with_voyage(replace(problem.voyage, price=price))
         return self.planner.for_problem(problem) if problem.voyage.has_price else self.planner
 
     def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
@@ -210,16 +215,16 @@ def _is_settled(price: float, before: float) -> bool:
     return price == before or abs(price - before) <= _SETTLED * before
 
 
-def profile_of(found: ClassPath) -> SpeedProfile:
+def profile_of(class_path: ClassPath) -> SpeedProfile:
     """Return the speeds along a path; raise ValueError if speeds were not chosen."""
-    if found.profile is None:
+    if class_path.profile is None:
         raise ValueError("the path has no speeds of its own")
-    return found.profile
+    return class_path.profile
 
 
-def chosen_fuel(found: ClassPath) -> float:
+def chosen_fuel(class_path: ClassPath) -> float:
     """Return a path's fuel at its chosen speeds."""
-    return profile_of(found).fuel
+    return profile_of(class_path).fuel
 
 
 # If no leg is faster than this share of the highest speed, narrower padding is tried.
@@ -253,8 +258,8 @@ def plan_with_speeds(request: Request, departure: float) -> Plan:
 
         return _plan_up_to(planner_up_to), planner_up_to(None)
 
-    found = plan_around(request.areas, plan)
-    return replace(found, trade_off=None) if request.areas else found
+    plan_found = plan_around(request.areas, plan)
+    return replace(plan_found, trade_off=None) if request.areas else plan_found
 
 
 def departures_with_speeds(
@@ -275,7 +280,7 @@ def departures_with_speeds(
             plans.append(error)
         if progress is not None:
             progress(len(plans), math.inf)
-    best = [None if isinstance(one, PlanningError) else one.best for one in plans]
+    best = [None if isinstance(outcome, PlanningError) else outcome.best for outcome in plans]
     fuels = np.array([math.inf if route is None else route.fuel for route in best])
     chosen = plans[int(fuels.argmin())]
     if isinstance(chosen, PlanningError):
@@ -287,7 +292,7 @@ def departures_with_speeds(
         paths=tuple(None if route is None else route.path for route in best),
         times=tuple(None if route is None else route.times for route in best),
         homotopies=tuple("" if route is None else route.homotopy for route in best),
-        causes=tuple(one if isinstance(one, PlanningError) else None for one in plans),
+        causes=tuple(outcome if isinstance(outcome, PlanningError) else None for outcome in plans),
         unproven=math.inf,
         plan=chosen,
     )
@@ -363,14 +368,14 @@ def _cheaper_of_each_class(plan: Plan, slower: Plan) -> Plan:
     routes = [
         replace(route, fuel_bound=bound) for route in by_fuel if cheapest[route.homotopy] is route
     ]
-    rejected = {one.homotopy: one for one in (*slower.rejected, *plan.rejected)}
-    curves = [one for one in (plan.trade_off, slower.trade_off) if one is not None]
+    rejected = {rejection.homotopy: rejection for rejection in (*slower.rejected, *plan.rejected)}
+    curves = [curve for curve in (plan.trade_off, slower.trade_off) if curve is not None]
     arrivals = functools.reduce(np.union1d, [curve.arrivals for curve in curves])
-    fuels = [np.interp(arrivals, one.arrivals, one.fuels, left=math.inf) for one in curves]
+    fuels = [np.interp(arrivals, curve.arrivals, curve.fuels, left=math.inf) for curve in curves]
     return replace(
         plan,
         routes=tuple(routes[: max(len(plan.routes), len(slower.routes))]),
-        rejected=tuple(one for name, one in rejected.items() if name not in cheapest),
+        rejected=tuple(rejection for name, rejection in rejected.items() if name not in cheapest),
         trade_off=TradeOff(arrivals, np.min(fuels, axis=0)),
     )
 
@@ -405,41 +410,41 @@ class ClockSearch(PriceSearch):
         planner = self.planner.for_problem(problem.with_voyage(voyage))
         return self.search_with(planner, problem.word(fastest.path), self.with_speeds(fastest))
 
-    def settled(self, found: ClassPath) -> ClassPath:
+    def settled(self, class_path: ClassPath) -> ClassPath:
         """Return a class's path after improving course and speeds as long as that saves fuel."""
-        corridor, best = self._on_schedule(found).corridor, None
+        corridor, best = self._on_schedule(class_path).corridor, None
         with contextlib.suppress(InfeasibleError):
-            best = self._replanned(found, corridor)
-        if best is None or chosen_fuel(best) > chosen_fuel(found):
+            best = self._replanned(class_path, corridor)
+        if best is None or chosen_fuel(best) > chosen_fuel(class_path):
             # The given path may have been found, and been steerable, at another speed.
-            best = self._steered(corridor, found.path)
+            best = self._steered(corridor, class_path.path)
         for _ in range(_IMPROVING_ROUNDS - 1):
-            if not chosen_fuel(best) < (1 - _WORTH_IT) * chosen_fuel(found):
+            if not chosen_fuel(best) < (1 - _WORTH_IT) * chosen_fuel(class_path):
                 break
-            found = best
+            class_path = best
             with contextlib.suppress(InfeasibleError):
                 best = min(best, self._replanned(best, best.corridor), key=chosen_fuel)
         return self.in_time(best)
 
-    def verified(self, found: ClassPath) -> ClassPath:
+    def verified(self, class_path: ClassPath) -> ClassPath:
         """Return the path with enough padding that no turn at its hours and speeds touches land."""
 
-        def short(found: ClassPath) -> Shortfalls | None:
-            path, growth = profile_of(found).path, self.planner.growth
-            return growth.shortfall(found.corridor, path) or self.collisions(found)
+        def short(class_path: ClassPath) -> Shortfalls | None:
+            path, growth = profile_of(class_path).path, self.planner.growth
+            return growth.shortfall(class_path.corridor, path) or self.collisions(class_path)
 
-        def again(corridor: Corridor, found: ClassPath) -> ClassPath:
-            return self._on_schedule(self.in_time(self._replanned(found, corridor)))
+        def again(corridor: Corridor, class_path: ClassPath) -> ClassPath:
+            return self._on_schedule(self.in_time(self._replanned(class_path, corridor)))
 
         turns = "hard-over turns at the speeds and hours of passage"
         return grown_until_clear(
-            self._on_schedule(found), short, again, _CLOCK_GROWTH_ROUNDS, turns
+            self._on_schedule(class_path), short, again, _CLOCK_GROWTH_ROUNDS, turns
         )
 
-    def _replanned(self, found: ClassPath, corridor: Corridor) -> ClassPath:
+    def _replanned(self, class_path: ClassPath, corridor: Corridor) -> ClassPath:
         """Return a path near another one, in a corridor that may have more padding."""
-        corridor = self._on_schedule(found._replace(corridor=corridor)).corridor
-        profile = profile_of(found)
+        corridor = self._on_schedule(class_path._replace(corridor=corridor)).corridor
+        profile = profile_of(class_path)
         fitted = self.planner.growth.fitted(corridor, profile.path)
         return self._steered(fitted, path_by_clock(fitted, profile))
 
@@ -453,12 +458,12 @@ class ClockSearch(PriceSearch):
             trajectory = steer_as_drawn(profile.path, corridor, profile.speeds)
         return ClassPath(corridor, path, trajectory, profile.fuel, profile.fuel, profile)
 
-    def _on_schedule(self, found: ClassPath) -> ClassPath:
+    def _on_schedule(self, class_path: ClassPath) -> ClassPath:
         """Return the path with its corridor for the hours of its passage."""
-        profile = profile_of(found)
+        profile = profile_of(class_path)
         voyage = self.voyage.scheduled(profile.path, profile.times)
-        corridor = replace(found.corridor, voyage=voyage, polar=voyage.polar)
-        return found._replace(corridor=corridor)
+        corridor = replace(class_path.corridor, voyage=voyage, polar=voyage.polar)
+        return class_path._replace(corridor=corridor)
 
     def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
         """Return the least fuel by arrival along the best paths and the fastest path."""

@@ -304,13 +304,13 @@ def _settled(
             # Ignore slopes from rounding, and clip steep ones: a later start gives a later arrival.
             far = np.abs(moved) > _FAR * since[-1]
             slope[far] = np.clip((lasts - last_lasts)[far] / moved[far], -_STEEP, _STEEP)
-        found = _chained(middle, lasts, slope)
-        if not (np.diff(found) >= 0).all():
+        newer = _chained(middle, lasts, slope)
+        if not (np.diff(newer) >= 0).all():
             # Where the current nearly stops the vessel, slopes are unreliable: take the sum of the
             # times.
             return np.append(0.0, np.cumsum(lasts)), False
-        change = np.abs(found - since).max()
-        since = found
+        change = np.abs(newer - since).max()
+        since = newer
         if change <= _SETTLED * since[-1]:
             return since, True
     return since, False

@@ -30,23 +30,6 @@ _SLOWEST_CHANGE = 1e-12
 _AS_CLOSE = 0.01
 
 
-@dataclass(frozen=True, slots=True)
-class SpeedsByLeg:
-    """Speeds from `least` (m/s) to the vessel's own, to be at the goal by a deadline (s).
-
-    `price` is the Lagrange multiplier λ of the deadline (fuel units a second): plans minimise fuel
-    + λ time. With an infinite price time alone counts. Without `least` there is no choice.
-    """
-
-    least: float = math.inf
-    price: float = math.inf
-    deadline: float = math.inf
-
-
-NO_CHOICE = SpeedsByLeg()
-"""The vessel's own speed all the way."""
-
-
 @dataclass(frozen=True, eq=False)
 class PooledCurrent(CurrentField):
     """The current of a plan, with a mean and spread that are taken over all members."""
@@ -65,7 +48,9 @@ class PooledCurrent(CurrentField):
 
     def samples(self, triangles: FloatArray, windows: FloatArray | None) -> FloatArray:
         """Velocities (n, samples, 2), m/s, of every member in triangles and windows."""
-        return np.concatenate([one.samples(triangles, windows) for one in self.fields], axis=1)
+        return np.concatenate(
+            [member.samples(triangles, windows) for member in self.fields], axis=1
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +77,7 @@ class Waters:
     @cached_property
     def padded_for(self) -> CurrentField:
         """The current whose mean and spread padding is for: over all members, if there are any."""
-        fields = tuple(one.quick_current for one in self.members)
+        fields = tuple(member.quick_current for member in self.members)
         return PooledCurrent(self.quick_current, fields) if fields else self.quick_current
 
     @cached_property
@@ -110,9 +95,11 @@ class Voyage:
     `via` (n, 2), m, are passed in their order. As a part of a longer voyage it has been under way
     for `before` (s) when it begins.
 
-    If the vessel has a choice of speeds, its own is the highest one, and every search for paths
-    minimises the cost, fuel + λ time; with an infinite λ, the time. In a current that changes a
-    `schedule` (n, 2) says when the vessel is where: shares of its path's length, and times (s).
+    A vessel that chooses speeds sails at `least_speed` (m/s) to its own speed, and has to be at the
+    goal by the `deadline` (s). Every search for paths then minimises the cost, fuel + λ time. The
+    `price` of time λ is the Lagrange multiplier of the deadline (fuel units a second); if it is
+    infinite, time alone counts. In a current that changes a `schedule` (n, 2) says when the vessel
+    is where: shares of its path's length, and times (s).
     """
 
     waters: Waters
@@ -125,7 +112,9 @@ class Voyage:
     min_lateness: float = 0.0
     via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     before: float = 0.0
-    choice: SpeedsByLeg = NO_CHOICE
+    least_speed: float = math.inf
+    price: float = math.inf
+    deadline: float = math.inf
     schedule: FloatArray | None = None
 
     @property
@@ -174,7 +163,7 @@ class Voyage:
     @property
     def in_members(self) -> "tuple[Voyage, ...]":
         """The voyage itself, and the voyage in each member of its current."""
-        return self, *(replace(self, waters=one) for one in self.waters.members)
+        return self, *(replace(self, waters=waters) for waters in self.waters.members)
 
     def leaving(self, departure: float) -> "Voyage":
         """Return the voyage at another departure (s)."""
@@ -218,13 +207,13 @@ class Voyage:
 
     def cut_speeds(self, path: FloatArray, speeds: FloatArray) -> list[FloatArray]:
         """Return the speeds (n - 1,), m/s, of the legs of each piece, from the path's speeds."""
-        found, first = list[FloatArray](), 0
+        by_piece, first = list[FloatArray](), 0
         for piece in self.cut(path):
             last = first + len(piece) - 1
-            found.append(speeds[first:last])
+            by_piece.append(speeds[first:last])
             # A leg that passes a via point between its ends belongs to both pieces.
             first = last if (path[last] == piece[-1]).all() else last - 1
-        return found
+        return by_piece
 
     def missed(self, path: FloatArray) -> FloatArray:
         """Return distance (v,), m, at which a path (n, 2) passes each via point, in their order."""
@@ -234,17 +223,9 @@ class Voyage:
         """Return the pieces, and how far off each via point is."""
         return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)
 
-    def at_price(self, price: float) -> "Voyage":
-        """Return the voyage at another price of time (fuel units a second)."""
-        return replace(self, choice=replace(self.choice, price=price))
-
     def at_speed(self, speed: float) -> "Voyage":
         """Return the voyage at a constant speed through water (m/s)."""
         return replace(self, vessel=replace(self.vessel, speed=speed), schedule=None)
-
-    def with_deadline(self, deadline: float) -> "Voyage":
-        """Return the voyage with another deadline (s)."""
-        return replace(self, choice=replace(self.choice, deadline=deadline))
 
     def scheduled(self, path: FloatArray, times: FloatArray) -> "Voyage":
         """Return the voyage with a schedule: the times (n,), s, at points of a path (n, 2)."""
@@ -259,31 +240,26 @@ class Voyage:
         return choosing(
             vessel.speed,
             crab=is_crab,
-            least=self.choice.least,
-            price=self.choice.price / vessel.fuel_coefficient,
+            least=self.least_speed,
+            price=self.price / vessel.fuel_coefficient,
             exponent=vessel.fuel_exponent,
         )
 
     @property
     def has_choice(self) -> bool:
         """Whether the vessel has a choice of speeds."""
-        return self.choice.least < self.vessel.speed
+        return self.least_speed < self.vessel.speed
 
     @property
     def has_price(self) -> bool:
         """Whether speeds are chosen, and time has a finite price."""
-        return self.has_choice and self.choice.price < math.inf
-
-    @property
-    def deadline(self) -> float:
-        """When the vessel has to be at the goal (s); infinite if no time is given."""
-        return self.choice.deadline
+        return self.has_choice and self.price < math.inf
 
     @property
     def price_of_all_time(self) -> float:
         """Worth of the time from departure to deadline (fuel units)."""
-        if self.has_price and self.choice.price > 0:
-            return self.choice.price * (self.deadline - self.departure)
+        if self.has_price and self.price > 0:
+            return self.price * (self.deadline - self.departure)
         return 0.0
 
     @property
@@ -368,18 +344,18 @@ def cut_at(
 
     Where the path passes a point again as closely, within `close` m, the first time counts.
     """
-    pieces, missed, rest = list[FloatArray](), list[float](), path
+    pieces, missed, ahead = list[FloatArray](), list[float](), path
     for point in points:
-        distance = segment_distance(point, rest[:-1], rest[1:])
+        distance = segment_distance(point, ahead[:-1], ahead[1:])
         first = int(np.argmax(distance <= distance.min() + close))
         behind = np.flatnonzero(distance[first:] > distance.min() + close)
         last = first + int(behind[0]) if len(behind) else len(distance)
         leg = first + int(distance[first:last].argmin())
-        ahead = leg + 2 if (rest[leg + 1] == point).all() else leg + 1
-        pieces.append(np.vstack([rest[: leg + 1], point]))
+        following = leg + 2 if (ahead[leg + 1] == point).all() else leg + 1
+        pieces.append(np.vstack([ahead[: leg + 1], point]))
         missed.append(float(distance[leg]))
-        rest = np.vstack([point, rest[ahead:]])
-    return [*pieces, rest], np.array(missed)
+        ahead = np.vstack([point, ahead[following:]])
+    return [*pieces, ahead], np.array(missed)
 
 
 def early_and_late(

@@ -16,9 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 import renew
-from renew._types import FloatArray
-from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.voyage.voyage import Voyage
+from renew.inputs.current import as_field
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most, quoted
 from tests.moving_waters import PERIODS, moving_scene
@@ -103,18 +101,11 @@ def _turns() -> Iterator[Figure]:
 def _times() -> Iterator[Figure]:
     """CPU time of a plan in a changing current beside the same in that of its departure."""
     scene = moving_scene(4)
-    frozen = _Frozen(scene.current, scene.departure)
-    still = replace(scene.in_current(frozen), departure=0.0)
-    changing, plan = warm(scene.plan)
+    at_departure = as_field(lambda points: scene.current.velocity(points, scene.departure))
+    still = replace(scene.in_current(at_departure), departure=0.0)
+    changing, _ = warm(scene.plan)
     steady, _ = warm(still.plan)
     yield at_most("changing plan beside a steady one, CPU", changing.cpu / steady.cpu, 3)
-    moving = plan.best.fuel_bound.source
-    assert isinstance(moving, Voyage)
-    bound, _ = warm(lambda: fuel_lower_bound(moving))
-    at_rest = still.plan().best.fuel_bound.source
-    assert isinstance(at_rest, Voyage)
-    still_bound, _ = warm(lambda: fuel_lower_bound(at_rest))
-    yield at_most("changing bound beside a steady one, CPU", bound.cpu / still_bound.cpu, 5)
 
 
 def _departures() -> Iterator[Figure]:
@@ -132,17 +123,6 @@ def _departures() -> Iterator[Figure]:
     name = f"{SWEPT} departures beside as many plans"
     yield at_most(f"{name}, CPU", at_once / one_by_one, 0.5)
     yield at_most(f"{name}, dearest", float((found.fuels / single).max()), 1.001, digits=5)
-
-
-class _Frozen(renew.CurrentField):
-    """A changing current as it is at one time."""
-
-    def __init__(self, current: renew.CurrentField, time: float) -> None:
-        self._current, self._time = current, time
-
-    def __call__(self, points: FloatArray) -> FloatArray:
-        """Velocity (..., 2) at that time."""
-        return self._current.velocity(points, self._time)
 
 
 WINDOWS = 20

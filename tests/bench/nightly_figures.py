@@ -23,8 +23,9 @@ import numpy as np
 from pipeline.nightly.cases import expand
 from pipeline.nightly.config import load_config
 from tests.bench.figure import Figure, at_most
+from tests.conftest import ROOT
 from tests.pipeline.nightly.nights import rows, write_night
-from tests.pipeline.processes import ROOT, descendants, started
+from tests.pipeline.processes import descendants, started
 
 _PLANS = int(os.environ.get("RENEW_NIGHT_PLANS", "60"))
 _SMALL_PLANS = int(os.environ.get("RENEW_NIGHT_SMALL_PLANS", "400"))

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pyogrio
-import pyproj
 import shapely
 
 import renew
@@ -22,6 +21,7 @@ from pipeline.stages.project import extent_polygon
 from tests.bench.clock import ran, warm
 from tests.bench.figure import Figure, at_most
 from tests.strategies import PAPER_VESSEL, SINGLE_GYRE_ISLANDS
+from tests.true_scale import GEOD
 
 
 def figures() -> Iterator[Figure]:
@@ -57,12 +57,11 @@ def _of_results(folder: Path) -> Iterator[Figure]:
     on_land = sum(float(row["land_m"]) for row in rows)
     yield at_most("palawan-season: route on the original land", on_land, 0, " m", 1)
     worst = 0.0
-    geod = pyproj.Geod(ellps="WGS84")
     _, _, shapes, (lengths,) = pyogrio.raw.read(
         folder / "routes.gpkg", layer="routes", columns=["length_m"]
     )
     for shape, length in zip(shapely.from_wkb(shapes), lengths, strict=True):
-        worst = max(worst, abs(geod.geometry_length(shape) / length - 1))
+        worst = max(worst, abs(GEOD.geometry_length(shape) / length - 1))
     yield at_most("palawan-season: length attribute against its line", 100 * worst, 0.1, " %", 3)
     for season in dict.fromkeys(row["season"] for row in rows):
         found = [row for row in rows if row["season"] == season]

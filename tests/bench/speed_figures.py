@@ -15,7 +15,13 @@ from renew._types import FloatArray
 from renew.inputs.options import Drift
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import moving_scene
-from tests.speed_oracles import CostModel, improved, least_fuel, least_fuel_in_table
+from tests.speed_oracles import (
+    CostModel,
+    improved,
+    least_fuel,
+    least_fuel_in_table,
+    with_and_against,
+)
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
 OPEN_WATERS = range(6)
@@ -50,11 +56,6 @@ def figures() -> Iterator[Figure]:
     yield from _hardly_changing()
 
 
-def _with_and_against(points: FloatArray) -> FloatArray:
-    u = np.where(points[..., 0] < 1, 0.4, -0.4)
-    return np.stack([u, np.zeros_like(u)], axis=-1)
-
-
 def _exact() -> Iterator[Figure]:
     """Cases with an exact least fuel, or speed."""
     chart = renew.Chart(box(-1, -1, 3, 1))
@@ -62,7 +63,7 @@ def _exact() -> Iterator[Figure]:
         vessel = replace(PAPER_VESSEL, turn_rate=1e3, fuel_exponent=exponent)
         best = renew.plan(
             chart,
-            _with_and_against,
+            with_and_against,
             vessel,
             (0, 0),
             (2, 0),
@@ -160,7 +161,7 @@ def _changing() -> Iterator[Figure]:
             deadline,
             _CHANGING_SPEEDS,
             exponent,
-            scene.drift == "crab",
+            scene.drift,
         )
         least, path, speeds = least_fuel_in_table(costs, nodes, reach=26, buckets=120, tried=6)
         if math.isfinite(least):
@@ -215,9 +216,7 @@ def _turns_as_it_changes() -> Iterator[Figure]:
         plan = scene.plan(speed=(0.75, 1.5), arrive_by=one.times[-1])
         dearest = max(dearest, plan.best.fuel / one.fuel)
         for route in plan.routes:
-            flown = renew.contingency(
-                route, scene.chart, scene.current, PAPER_VESSEL, spacing=0.5, drift=scene.drift
-            )
+            flown = scene.turns(route, spacing=0.5)
             trials, collisions = trials + flown.trials, collisions + flown.collisions
     yield at_most(
         f"turns at chosen speeds as the current changes that touch land, of {trials:,}",

@@ -18,7 +18,7 @@ from matplotlib.text import Annotation
 import renew
 from experiments.figures import method
 from pipeline.findings.result import RunResult
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.appearance import COLOURS
 from pipeline.model import Passage
 from renew._types import FloatArray
 from tests.pipeline.formats import small_run

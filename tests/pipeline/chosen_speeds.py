@@ -60,18 +60,18 @@ def run() -> RunResult:
     simplified = SimplifiedLand((ISLAND.buffer(0.0005),), (ISLAND,), 0, 0, 0.0, 0.0)
     cases = project(asked, got, simplified)
     results = [plan_case(case, asked.planner) for case in cases]
-    names = way_names(cases[0].water, results, ())
+    named, islands, class_islands = way_names(cases[0].water, results, ())
     return RunResult(
         asked,
         got,
         simplified,
         cases[0].water,
         {case.name: case for case in cases},
-        tuple(map(names.name, results)),
+        named,
         {},
         DEPARTURE,
-        names.islands,
-        names.class_islands,
+        islands,
+        class_islands,
     )
 
 

@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from tests.conftest import ROOT
 from tests.pipeline.small_plane import small_plane
 
-ROOT = Path(__file__).resolve().parents[2]
 QUICK = small_plane("quick")
 _ISLANDS = ", ".join(
     f"[[{x}, {y}], [{x + 3}, {y}], [{x + 3}, {y + 3}], [{x}, {y + 3}]]"

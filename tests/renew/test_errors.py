@@ -39,12 +39,12 @@ def test_places_are_spelled_in_metres_to_the_millimetre(
 def test_a_message_names_its_places_in_metres_or_as_asked(kind: type[PlanningError]) -> None:
     error = kind("no way from {0} to {1}", *PLACES)
     assert str(error) == "no way from (1, -2.5) m to (100000, 0.123) m"
-    assert error.located(lambda place: f"x={place[0]:g}") == "no way from x=1 to x=100000"
+    assert error.text.spelled(lambda place: f"x={place[0]:g}") == "no way from x=1 to x=100000"
 
 
 def test_a_message_without_places_may_hold_braces() -> None:
     error = renew.ParameterError("padding = {'a': 1} must be a number")
-    assert str(error) == error.located(str) == "padding = {'a': 1} must be a number"
+    assert str(error) == error.text.spelled(str) == "padding = {'a': 1} must be a number"
 
 
 @pytest.mark.parametrize("kind", [renew.GoalInNoGoError, renew.ParameterError])
@@ -53,7 +53,7 @@ def test_an_error_survives_the_way_from_a_worker_process(kind: type[PlanningErro
     again = pickle.loads(pickle.dumps(error))  # noqa: S301  (our own bytes)
     assert type(again) is kind
     assert str(again) == str(error)
-    assert again.located(repr) == error.located(repr)
+    assert again.text.spelled(repr) == error.text.spelled(repr)
 
 
 def test_all_errors_can_be_caught_as_one_and_bad_input_as_value_errors() -> None:
@@ -83,7 +83,7 @@ def test_a_message_keeps_its_moments_as_values_and_texts_within_it() -> None:
     inner = Text("shut{0} at {1}", (from_until(0.0, 7200.0), PLACES[0]))
     error = renew.UnreachableError("{0} {{all}}: {1}", Text("classes {1, 2}"), inner)
     assert str(error) == "classes {1, 2} {all}: shut from 0 s until 7200 s at (1, -2.5) m"
-    hours = error.located(lambda _: "here", lambda moment: f"{moment.seconds / 3600:g} h")
+    hours = error.text.spelled(lambda _: "here", lambda moment: f"{moment.seconds / 3600:g} h")
     assert hours == "classes {1, 2} {all}: shut from 0 h until 2 h at here"
     assert [place.tolist() for place in error.places] == [PLACES[0].tolist()]
     assert str(from_until(-np.inf, np.inf, on=" on")) == " on"

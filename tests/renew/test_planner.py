@@ -17,27 +17,23 @@ from tests.published import ABLATION
 from tests.strategies import PAPER_VESSEL, STILL, random_scene, single_gyre
 
 
-def gyre_plan(**options: object) -> renew.Plan:
-    return single_gyre().plan(**options)
-
-
 def test_single_gyre_beats_the_published_route() -> None:
     scene = single_gyre()
-    best = gyre_plan().best
+    best = single_gyre().plan().best
     assert best.fuel < 88.5
-    assert gyre_plan(padding="none").best.fuel < 84.8
+    assert single_gyre().plan(padding="none").best.fuel < 84.8
     report = scene.turns(best, seed=11)
     assert report.collisions == 0
     # With the published clearance as its floor the fuel is still far below the published one.
-    floor = gyre_plan(padding="none", clearance=12.55).best
+    floor = single_gyre().plan(padding="none", clearance=12.55).best
     assert floor.fuel < 89.6
     assert floor.clearance >= 12.55 - 1e-5
 
 
 def test_the_sampled_method_beats_the_published_figure_on_the_single_gyre() -> None:
-    best = gyre_plan().best
+    best = single_gyre().plan().best
     for seed in range(3):
-        plan = gyre_plan(method="sampled", seed=seed)
+        plan = single_gyre().plan(method="sampled", seed=seed)
         # The harmonic mean of smoothed chains chooses the class of least fuel; published are 96.08.
         assert plan.best.homotopy == best.homotopy
         assert best.fuel * (1 - 1e-3) <= plan.best.fuel < 88.0
@@ -66,7 +62,7 @@ def test_a_depth_first_search_that_ends_without_a_class_names_the_other_order(
 ) -> None:
     monkeypatch.setattr("renew.classes.class_enumerator._MAX_DEPTH_FIRST_STEPS", 3)
     with pytest.raises(renew.UnreachableError, match=r'met none .* order = "fuel"'):
-        gyre_plan(order="depth-first")
+        single_gyre().plan(order="depth-first")
 
 
 def test_a_blocked_strait_is_named_with_its_gap() -> None:

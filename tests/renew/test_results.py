@@ -26,10 +26,6 @@ from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre
 
 
-def gyre_plan() -> renew.Plan:
-    return single_gyre().plan()
-
-
 @examples(3, 6)
 @given(seed=seeds)
 def test_routes_are_what_their_figures_say(seed: int) -> None:
@@ -59,7 +55,7 @@ def test_routes_are_what_their_figures_say(seed: int) -> None:
 
 
 def test_shares_and_rates_follow_from_fuel_and_length() -> None:
-    best = gyre_plan().best
+    best = single_gyre().plan().best
     assert best.length == pytest.approx(shapely.LineString(best.path).length)
     assert best.fuel_per_distance * best.length == pytest.approx(best.fuel)
     assert best.fuel_bound.value * (1 + best.optimality_gap) == pytest.approx(best.fuel)
@@ -114,7 +110,7 @@ def test_a_route_keeps_no_roadmap_and_a_plan_is_freed_without_a_search_for_cycle
 
 
 def test_plans_print_and_compare_by_identity() -> None:
-    plan = gyre_plan()
+    plan = single_gyre().plan()
     again = pickle.loads(pickle.dumps(plan))  # noqa: S301  (our own bytes)
     assert repr(again) == repr(plan)
     assert plan.best in plan.routes
@@ -122,7 +118,7 @@ def test_plans_print_and_compare_by_identity() -> None:
 
 
 def test_a_plan_is_printed_in_at_most_ten_lines() -> None:
-    plan = gyre_plan()
+    plan = single_gyre().plan()
     many = replace(plan, routes=plan.routes * 20)
     assert len(str(plan).splitlines()) == 1 + len(plan.routes)
     one = replace(plan, routes=plan.routes[:1], rejected=())
@@ -255,12 +251,9 @@ def callables(public: object) -> list[object]:
 
 
 @pytest.mark.parametrize("public", PUBLIC, ids=renew.__all__)
-def test_type_hints_can_be_evaluated(public: object) -> None:
-    for one in callables(public):
-        typing.get_type_hints(one)
-
-
-@pytest.mark.parametrize("public", PUBLIC, ids=renew.__all__)
-def test_everything_public_is_documented(public: object) -> None:
-    for one in callables(public):
-        assert inspect.getdoc(one), one
+def test_everything_public_is_documented_and_has_types_that_can_be_evaluated(
+    public: object,
+) -> None:
+    for member in callables(public):
+        assert inspect.getdoc(member), member
+        typing.get_type_hints(member)

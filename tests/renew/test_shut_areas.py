@@ -11,9 +11,9 @@ import shapely
 from shapely import MultiPolygon, Polygon, box
 
 import renew
-from tests.flights import positions
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL, SIZE, STILL, Scene, single_gyre
+from tests.tidal_waters import positions
 
 CHART = renew.Chart(box(0, 0, 200, 60))
 START, GOAL = (20.0, 30.0), (180.0, 30.0)

@@ -13,10 +13,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from tests.conftest import ROOT
 from tests.robustness.limits import MAX_MEMORY_BYTES
 from tests.robustness.renew_server import MAX_SILENCE_S
 
-ROOT = Path(__file__).parents[2]
 # Largest number of lines that faults take, and of characters of each.
 MAX_LINES, MAX_LINE = 60, 840
 # Exit codes of a run that ended by itself; those of a night; and of one that was stopped.

@@ -17,6 +17,7 @@ import pytest
 import shapely
 
 from pipeline.sources.current_field import LandMask
+from tests.pipeline.sources import depth_grids
 from tests.pipeline.sources.mutations import ISLAND, MUTATIONS, copied, make_charts, make_currents
 from tests.pipeline.synthetic_currents import dataset, sea
 from tests.robustness.limits import draw, number
@@ -121,15 +122,9 @@ def _depths(folder: Path) -> dict[str, Path]:
     found = {}
     for kind, form in (("depths", "NETCDF4"), ("depths-classic", "NETCDF3_CLASSIC")):
         found[kind] = folder / f"{kind}.nc"
-        with netCDF4.Dataset(found[kind], "w", format=form) as file:  # type: ignore[arg-type]
-            for name, values, unit in (("lat", lat, "north"), ("lon", lon, "east")):
-                file.createDimension(name, values.size)
-                axis = file.createVariable(name, "f8", (name,))
-                axis.units = f"degrees_{unit}"
-                axis[:] = values
-            heights = file.createVariable("elevation", "i2", ("lat", "lon"))
-            heights.units = "m"
-            heights[:] = np.where(inside, 20, -50)
+        heights = np.where(inside, 20, -50).astype("i2")
+        data = depth_grids.dataset(lon, lat, heights, "elevation", units="m")
+        data.to_netcdf(found[kind], format=form)  # type: ignore[call-overload]
     found["geotiff"] = folder / "depths.tif"
     found["geotiff"].write_bytes(_geotiff(lon, lat, np.where(inside, 20.0, -50.0)))
     return found

@@ -8,8 +8,7 @@ import pytest
 
 from tests.pipeline.processes import renew
 from tests.pipeline.small_plane import small_plane
-from tests.robustness.disk import has_strace
-from tests.robustness.power_cuts import Cuts
+from tests.robustness.power_cuts import Cuts, has_strace
 
 pytestmark = [
     pytest.mark.slow,

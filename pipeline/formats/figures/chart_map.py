@@ -1,4 +1,4 @@
-"""Base of all maps, and parts of all figures: axes in points, lines, areas, text; figures as SVG.
+"""Base of all maps: axes, lines, areas and text, with sizes in points; figures as SVG.
 
 Maps are in the planner's plane, so that shapes and angles are true, with a lon/lat graticule. All
 use matplotlib's object interface, without pyplot and global settings.
@@ -19,7 +19,6 @@ from matplotlib import font_manager
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.collections import LineCollection
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -30,10 +29,10 @@ from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
-from pipeline._types import ArrayLike, FloatArray, Geometries
+from pipeline._types import ArrayLike, Geometries
 from pipeline.findings.result import RunResult
+from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures.map_marks import GridLine, graticule, scale_bar_m
-from pipeline.formats.palette import COLOURS
 from pipeline.geo.projection import Projection
 from pipeline.texts import clean
 
@@ -42,7 +41,7 @@ POINTS_PER_INCH = 72.0
 SMALL_PT = 8.2
 # Size of a map's lower title.
 PLAIN_PT = 9.5
-# Length of a scale bar, points, below which it has room for one label only, beside it.
+# A scale bar shorter than this, points, has one label beside it, and a longer one labels below it.
 _SHORT_BAR_PT = 45.0
 # Width of a small letter or figure, points.
 _LETTER_PT = 0.6 * SMALL_PT
@@ -84,11 +83,6 @@ def stroke(path: ArrayLike, colour: str, width_pt: float, zorder: float) -> Line
         solid_joinstyle="round",
         solid_capstyle="round",
     )
-
-
-def lines(edges: FloatArray, colour: str, width_pt: float, zorder: float) -> LineCollection:
-    """Return segments (e, 2, 2) as one artist."""
-    return LineCollection(list(edges), colors=colour, linewidths=width_pt, zorder=zorder)
 
 
 def draw_scale_bar(axes: Axes, projection: Projection, *, drop_pt: float = 24.0) -> None:
@@ -172,7 +166,7 @@ def drawable(text: str, limit: int = 60) -> str:
 
 
 def in_season_colour(drawn: Artist, colour: str) -> None:
-    """Replace the best route's colour in a figure, or a part of it, by a season's."""
+    """Draw the best route of a figure, or of a part of one, in a case's colour."""
     for artist in drawn.findobj():
         for name in ("color", "edgecolor", "markeredgecolor", "markerfacecolor"):
             get = getattr(artist, f"get_{name}", None)
@@ -201,7 +195,7 @@ def _glyphs() -> frozenset[int]:
 
 
 def draw_island_labels(axes: Axes, result: RunResult) -> None:
-    """Write each island's number or name on it, on a halo, below the routes' ends."""
+    """Write each island's number or name on it, with a halo."""
     for island in result.islands:
         axes.text(
             island.x,
@@ -249,7 +243,7 @@ def page_svg(figure: Figure | None, *, identity: str, label: str) -> Markup:
     box = re.search(r'viewBox="[^"]*"', head)
     if box is None:
         raise ValueError("matplotlib wrote an SVG without a viewBox")
-    # The only text from elsewhere is the label.
+    # Only the label comes from outside, and it is escaped.
     return Markup(  # noqa: S704 - our own
         f'<svg class="map" xmlns="http://www.w3.org/2000/svg" {box[0]} role="img"'
         f' aria-label="{escape(label)}">{body.strip()}'
@@ -307,7 +301,7 @@ _LEGEND_TEXT_PT = 7.5
 _TITLES = ((11.0, True), (PLAIN_PT, False))
 # Least room between the labels of meridians.
 _LABEL_SPACE_PT = 4.0
-# Room of an entry of a legend beside its text, in sizes of the text: handle, gaps, spacing.
+# Width of handle, gaps and spacing of an entry of the legend, in sizes of its text.
 _LEGEND_EXTRA = 4.2
 # Least width of a map in a figure of a given width.
 _MIN_WIDTH_PT = 160.0

@@ -94,10 +94,10 @@ def _save(drawing: "Figure", path: Path, title: str) -> None:
 
 def figure(case: "RunCase", kind: Kind, width: Width = "screen") -> "Figure":
     """Draw a figure of a case that has a route."""
+    from pipeline.formats.appearance import season_colour
     from pipeline.formats.figures.chart_map import in_season_colour
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
-    from pipeline.formats.palette import season_colour
 
     width_pt = WIDTHS_PT.get(width)
     if kind is Kind.ROUTES:

@@ -32,7 +32,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class GridLine:
-    """A meridian or parallel in the chart or on its edge: label, pieces (n, 2), place of the label.
+    """A meridian or parallel: its label, its pieces (n, 2) inside the chart, the label's place.
 
     `foot` is the lowest point of a meridian, or the leftmost point of a parallel.
     """
@@ -55,8 +55,8 @@ def graticule(
         step = nice_step(max(xmax - xmin, ymax - ymin) / (2 * _MIN_LINES), down=False)
         bounds = (xmin, ymin, xmax, ymax)
         return _lines(extent, bounds, step, lambda xy: xy, lambda value, *_: f"{value:g} m")
-    # The edge of a region that begins at a whole degree is a meridian; the chart's edge is the
-    # straight line beside it.
+    # A region's edge at a whole degree is a meridian. The chart's edge is a straight line beside
+    # it, so that the meridian may lie a little outside the chart.
     tolerance = _EDGE_TOLERANCE * math.hypot(xmax - xmin, ymax - ymin)
     near = extent.buffer(tolerance, join_style="mitre")
     outline = projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length / 256))
@@ -158,38 +158,12 @@ _ARROW = np.array(
 )
 
 
-@dataclass(frozen=True)
-class Arrows:
-    """A case's arrows: positions (n, 2) in the plane, on water, and the current (n, 2), m/s."""
-
-    positions: FloatArray
-    velocity: FloatArray
-    spacing: float
-
-    @property
-    def speed(self) -> FloatArray:
-        """Speed of each (n,), m/s."""
-        return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
-
-    def outlines(self, limits: tuple[float, ...]) -> list[shapely.Geometry]:
-        """Outline the arrows of each class of speed, given by upper limits; the weakest first."""
-        count = len(limits)
-        classes = np.minimum(np.searchsorted(limits, self.speed), count - 1)
-        shares = _SHORTEST + (1 - _SHORTEST) * np.arange(1, count + 1) / count
-        return [
-            _outline(
-                self.positions[classes == i], self.velocity[classes == i], share * self.spacing
-            )
-            for i, share in enumerate(_LENGTH_SHARE * shares)
-        ]
-
-
 def speed_limits(result: RunResult) -> tuple[float, ...]:
     """Return the upper limits of the classes of current speed, m/s, the same on all maps of a run.
 
     They are of equal, round width, up to the strongest current drawn in any case.
     """
-    strongest = max(float(arrows(case).speed.max(initial=0.0)) for case in result.cases)
+    strongest = max(float(np.hypot(*arrows(case)[1].T).max(initial=0.0)) for case in result.cases)
     step = nice_step(max(strongest, _MIN_STRONGEST) / _MAX_CLASSES)
     count = max(1, math.ceil(strongest / step - 1e-9))
     return tuple(round(step * (i + 1), 10) for i in range(count))
@@ -201,35 +175,51 @@ def speed_labels(limits: tuple[float, ...]) -> tuple[str, ...]:
     return tuple(f"{low:g}–{high:g}" for low, high in zip(lower, limits, strict=True))
 
 
-def has_arrows(result: RunResult) -> bool:
-    """Whether any case has arrows: still water has none."""
-    return any(len(arrows(case).speed) for case in result.cases)
+def arrows(case: RunCase) -> tuple[FloatArray, FloatArray]:
+    """Return places (n, 2) on water, in a staggered lattice, and the planner's current there, m/s.
 
-
-def arrows(case: RunCase) -> Arrows:
-    """Return arrows of the planner's own current, on a staggered lattice over the water."""
+    Places of still water, which has no direction to show, are left out.
+    """
     water = case.run.water
     xmin, ymin, xmax, ymax = water.chart.bounds
-    spacing = max(xmax - xmin, ymax - ymin) / _COUNT_ACROSS
+    spacing = _spacing(case)
     x, y = np.meshgrid(
         np.arange(xmin + spacing / 2, xmax, spacing), np.arange(ymin + spacing / 2, ymax, spacing)
     )
     x[1::2] += spacing / 2
-    positions = np.stack([x.ravel(), y.ravel()], axis=-1)
-    positions = positions[on_water(water, positions)]
-    if case.planned is None or not len(positions):
-        return Arrows(np.empty((0, 2)), np.empty((0, 2)), spacing)
-    velocity = np.asarray(case.planned.current(positions), dtype=float)
-    # Still water has no direction to show.
+    places = np.stack([x.ravel(), y.ravel()], axis=-1)
+    places = places[on_water(water, places)]
+    if case.planned is None or not len(places):
+        return np.empty((0, 2)), np.empty((0, 2))
+    velocity = np.asarray(case.planned.current(places), dtype=float)
     moves = velocity.any(axis=1)
-    return Arrows(positions[moves], velocity[moves], spacing)
+    return places[moves], velocity[moves]
+
+
+def arrow_outlines(case: RunCase, limits: tuple[float, ...]) -> list[shapely.Geometry]:
+    """Outline a case's arrows of each class of speed, given by upper limits; the weakest first."""
+    places, velocity = arrows(case)
+    count = len(limits)
+    classes = np.minimum(np.searchsorted(limits, np.hypot(*velocity.T)), count - 1)
+    shares = _SHORTEST + (1 - _SHORTEST) * np.arange(1, count + 1) / count
+    lengths = _LENGTH_SHARE * shares * _spacing(case)
+    return [
+        _outline(places[classes == i], velocity[classes == i], length)
+        for i, length in enumerate(lengths)
+    ]
+
+
+def _spacing(case: RunCase) -> float:
+    """Return the distance between arrows, metres of the plane."""
+    xmin, ymin, xmax, ymax = case.run.water.chart.bounds
+    return max(xmax - xmin, ymax - ymin) / _COUNT_ACROSS
 
 
 def on_water(water: Water, positions: FloatArray) -> BoolArray:
     """Whether positions (n, 2) in the plane lie inside the chart and not on land."""
     chart, land = water.chart, np.array(water.land, dtype=object)
     inside = np.asarray(shapely.contains_xy(chart.extent, positions))
-    # The land is the query, not the tree: shapely prepares queries, and a coast may be long.
+    # The points are the tree: shapely prepares the query, which helps where the coast is long.
     on_land = shapely.STRtree(shapely.points(positions)).query(land, predicate="intersects")[1]
     inside[on_land] = False
     return inside

@@ -1,35 +1,34 @@
-"""Plots of a route for a page: its profile, and how far turns reach at its tightest place.
+"""Plots for a page: a route's profile; choices of departure and speeds; fuel in members.
 
-Their panels serve the page's other plots, too. They are as wide as a phone; the page sets their
-colours by role (see `page_svg`). The padding of an edge is a quantile of the turns' reaches (RENEW,
-AAAI 2026).
+They are as wide as a phone. The page sets their colours by role (see `page_svg`).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
-from matplotlib.transforms import Transform
 
-import renew
 from pipeline._types import FloatArray
-from pipeline.findings.choices import still_fuel_per_metre
+from pipeline.findings import text
+from pipeline.findings.choices import AS_GOOD, SpeedTradeOff, still_fuel_per_metre, way_text
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (
-    at_most_percent,
     clearance as kept,
+    fuel,
     fuel_unit,
+    hours,
+    moment_text,
     number,
     plain,
     speed_range,
 )
-from pipeline.formats.figures.chart_map import POINTS_PER_INCH, text_width
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.appearance import COLOURS
+from pipeline.formats.figures.chart_map import POINTS_PER_INCH, drawable, text_width
+from pipeline.model import DepartureChoice, EnsembleFigures
 
 _WIDTH_PT = 374.0
 # Room left of the panels, for the labels of the vertical axes.
@@ -59,137 +58,129 @@ DASHES = (0, (4, 3))
 def profile_figure(ranked: RankedRoute, width_pt: float | None = None) -> Figure:
     """Plot fuel, speed, current, and distance to land and water if known, by distance run."""
     profile = route_profile(ranked)
-    plot = _ProfilePlot(ranked, profile, *distance_unit(float(profile.distance_m[-1])))
-    draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
+    unit, unit_m = distance_unit(float(profile.distance_m[-1]))
+    run = profile.distance_m / unit_m
+    draws = [_draw_fuel, _draw_speed, _draw_current]
     if np.isfinite(profile.clearance_m).all():
-        draws.append(plot.draw_clearance)
+        draws.append(_draw_clearance)
     if ranked.route.least_water is not None:
-        draws.append(plot.draw_water)
+        draws.append(_draw_water)
     figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT, width_pt or _WIDTH_PT)
     for axes, draw in zip(panels, draws, strict=True):
-        draw(axes)
-        axes.set_xlim(0, plot.run[-1])
+        draw(axes, ranked, profile, run)
+        axes.set_xlim(0, run[-1])
         axes.tick_params(labelbottom=axes is panels[-1])
-    plot_x_label(panels[-1], f"distance run, {plot.unit}")
+    plot_x_label(panels[-1], f"distance run, {unit}")
     return figure
 
 
-@dataclass(frozen=True)
-class _ProfilePlot:
-    """Panels of a route's profile, each against the distance run."""
+def _draw_fuel(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
+    """Draw the fuel used, and the fuel for the same distance in still water."""
+    scale = ranked.case.case.projection.scale
+    a_metre = still_fuel_per_metre(ranked)
+    still = a_metre * at.distance_m / scale
+    used, maximum = at.fuel, float(max(still[-1], at.fuel[-1]))
+    unit, name = titled_fuel_unit(maximum)
+    ink = COLOURS["ink"]
+    axes.plot(run, still / unit, color=ink, linewidth=1.0, linestyle=DASHES, zorder=2)
+    draw_line(axes, run, used / unit)
+    axes.set_ylim(0, 1.05 * maximum / unit)
+    plot_title(
+        axes,
+        f"Fuel used{name}: {number(used[-1] / unit)}",
+        f"dashed: still water, {number(still[-1] / unit)}",
+    )
 
-    ranked: RankedRoute
-    profile: RouteProfile
-    unit: str
-    unit_m: float
 
-    @property
-    def run(self) -> FloatArray:
-        """Distance from the start (n,), in the plot's unit."""
-        return self.profile.distance_m / self.unit_m
+def _draw_speed(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
+    """Draw the speed over ground, and through water."""
+    speeds = at.through_water_m_s
+    axes.plot(
+        run,
+        speeds,
+        color=COLOURS["ink"],
+        linewidth=1.0,
+        linestyle=DASHES,
+        drawstyle="steps-post",
+        zorder=2,
+    )
+    draw_line(axes, run, at.speed_m_s)
+    mean = ranked.metrics.speed_m_s
+    _set_range(axes, [*at.speed_m_s, *speeds], min_range=0.1 * mean)
+    low, high = speed_range(float(speeds.min()), float(speeds.max()))
+    through = plain(round(mean, 2)) if low == high else f"{low}–{high}"
+    plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {through}")
 
-    def draw_fuel(self, axes: Axes) -> None:
-        """Draw the fuel used, and the fuel for the same distance in still water."""
-        scale = self.ranked.case.case.projection.scale
-        a_metre = still_fuel_per_metre(self.ranked)
-        still = a_metre * self.profile.distance_m / scale
-        used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
-        unit, name = titled_fuel_unit(maximum)
-        ink = COLOURS["ink"]
-        axes.plot(self.run, still / unit, color=ink, linewidth=1.0, linestyle=DASHES, zorder=2)
-        draw_line(axes, self.run, used / unit)
-        axes.set_ylim(0, 1.05 * maximum / unit)
-        plot_title(
-            axes,
-            f"Fuel used{name}: {number(used[-1] / unit)}",
-            f"dashed: still water, {number(still[-1] / unit)}",
-        )
 
-    def draw_speed(self, axes: Axes) -> None:
-        """Draw the speed over ground, and through water."""
-        speeds = self.profile.through_water_m_s
-        axes.plot(
-            self.run,
-            speeds,
-            color=COLOURS["ink"],
-            linewidth=1.0,
-            linestyle=DASHES,
-            drawstyle="steps-post",
-            zorder=2,
-        )
-        draw_line(axes, self.run, self.profile.speed_m_s)
-        mean = self.ranked.metrics.speed_m_s
-        _set_range(axes, [*self.profile.speed_m_s, *speeds], min_range=0.1 * mean)
-        low, high = speed_range(float(speeds.min()), float(speeds.max()))
-        through = plain(round(mean, 2)) if low == high else f"{low}–{high}"
-        plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {through}")
+def _draw_current(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
+    """Draw the current's component along the course, shaded by its sign."""
+    along_track = at.current_along_m_s
+    for role, alpha, part in (
+        ("speed2", 0.75, np.maximum(along_track, 0)),
+        ("soft", 0.45, np.minimum(along_track, 0)),
+    ):
+        axes.fill_between(run, part, color=COLOURS[role], alpha=alpha, linewidth=0)
+    axes.axhline(0, color=COLOURS["ink"], linewidth=0.7)
+    axes.plot(run, along_track, color=COLOURS["ink"], linewidth=0.8)
+    min_range = 0.05 * ranked.metrics.speed_m_s
+    _set_range(axes, [*along_track, 0.0], min_range=min_range)
+    plot_title(axes, "Current along the course, m/s", "blue helps, grey hinders")
 
-    def draw_current(self, axes: Axes) -> None:
-        """Draw the current's component along the course, shaded by its sign."""
-        along_track = self.profile.current_along_m_s
-        for role, alpha, part in (
-            ("speed2", 0.75, np.maximum(along_track, 0)),
-            ("soft", 0.45, np.minimum(along_track, 0)),
-        ):
-            axes.fill_between(self.run, part, color=COLOURS[role], alpha=alpha, linewidth=0)
-        axes.axhline(0, color=COLOURS["ink"], linewidth=0.7)
-        axes.plot(self.run, along_track, color=COLOURS["ink"], linewidth=0.8)
-        min_range = 0.05 * self.ranked.metrics.speed_m_s
-        _set_range(axes, [*along_track, 0.0], min_range=min_range)
-        plot_title(axes, "Current along the course, m/s", "blue helps, grey hinders")
 
-    def draw_clearance(self, axes: Axes) -> None:
-        """Draw the distance to no-go areas, their padding, and the least distance."""
-        unit, unit_m = distance_unit(float(self.profile.clearance_m.max()))
-        clearance, padding = self.profile.clearance_m / unit_m, self._padding_m() / unit_m
-        least = int(np.argmin(clearance))
-        min_padding = _MIN_PADDING_SHARE * clearance[least]
-        shown = np.concatenate([clearance, padding[padding > min_padding]])
-        low, high = float(shown[shown > 0].min(initial=1.0)), float(shown.max())
-        if high > _LOG_AXIS_RATIO * low:
-            axes.set_yscale("log")
-            axes.set_ylim(low / 1.4, high * 1.3)
-            _round_ticks(axes)
-        else:
-            axes.set_ylim(0, 1.1 * high)
-        floor = axes.get_ylim()[0]
-        axes.fill_between(self.run, padding, floor, color=COLOURS["soft"], alpha=0.45, linewidth=0)
-        draw_line(axes, self.run, np.maximum(clearance, floor))
-        mark_point(axes, self.run[least], max(clearance[least], floor), "best", (5.0, 1.6))
-        least_text = kept(self.profile.clearance_m[least])
-        text = f"Distance to {self.ranked.metrics.no_go_name}, {unit}: least {least_text}"
-        plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
+def _draw_clearance(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
+    """Draw the distance to no-go areas, their padding, and the least distance."""
+    unit, unit_m = distance_unit(float(at.clearance_m.max()))
+    clearance, padding = at.clearance_m / unit_m, _padding_m(ranked, at) / unit_m
+    least = int(np.argmin(clearance))
+    min_padding = _MIN_PADDING_SHARE * clearance[least]
+    shown = np.concatenate([clearance, padding[padding > min_padding]])
+    low, high = float(shown[shown > 0].min(initial=1.0)), float(shown.max())
+    if high > _LOG_AXIS_RATIO * low:
+        axes.set_yscale("log")
+        axes.set_ylim(low / 1.4, high * 1.3)
+        _round_ticks(axes)
+    else:
+        axes.set_ylim(0, 1.1 * high)
+    floor = axes.get_ylim()[0]
+    axes.fill_between(run, padding, floor, color=COLOURS["soft"], alpha=0.45, linewidth=0)
+    draw_line(axes, run, np.maximum(clearance, floor))
+    mark_point(axes, run[least], max(clearance[least], floor), "best", (5.0, 1.6))
+    least_text = kept(at.clearance_m[least])
+    text = f"Distance to {ranked.metrics.no_go_name}, {unit}: least {least_text}"
+    plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
-    def draw_water(self, axes: Axes) -> None:
-        """Draw the water under the keel where depth and tide are known, and the least allowed."""
-        route, case = self.ranked.route, self.ranked.case.case
-        kept_m, depth = case.under_keel_clearance_m, case.tidal_depth
-        if depth is None:
-            raise ValueError(f"{case.name} has no tide")
-        points = case.projection.to_plane(self.profile.lonlat)
-        times = np.interp(metres_along(points), metres_along(route.path), route.times)
-        spare = depth.spare_along(points, times) + kept_m
-        water = np.where(np.isfinite(spare), spare, np.nan)
-        axes.axhline(kept_m, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
-        draw_line(axes, self.run, np.append(water, water[-1:]))
-        axes.set_ylim(0, 1.2 * max(float(np.nanmax(water, initial=kept_m)), kept_m))
-        least = self.ranked.metrics.least_water_m
-        plot_title(
-            axes,
-            f"Water under the keel, m: least {least:.1f}",
-            f"dashed: to be kept, {plain(kept_m)}",
-        )
 
-    def _padding_m(self) -> FloatArray:
-        """Return the padding (n,), true metres, of the constrained edge nearest to each point."""
-        padded = self.ranked.route.padding_used
-        projection = self.ranked.case.case.projection
-        if not len(padded):
-            return np.zeros(len(self.run))
-        edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
-        points = shapely.points(projection.to_plane(self.profile.lonlat))
-        nearest = shapely.STRtree(edges).query_nearest(points, all_matches=False)[1]
-        return np.asarray(padded[nearest, 4] * projection.scale)
+def _draw_water(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
+    """Draw the water under the keel where depth and tide are known, and the least allowed."""
+    route, case = ranked.route, ranked.case.case
+    kept_m, depth = case.under_keel_clearance_m, case.tidal_depth
+    if depth is None:
+        raise ValueError(f"{case.name} has no tide")
+    points = case.projection.to_plane(at.lonlat)
+    times = np.interp(metres_along(points), metres_along(route.path), route.times)
+    spare = depth.spare_along(points, times) + kept_m
+    water = np.where(np.isfinite(spare), spare, np.nan)
+    axes.axhline(kept_m, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
+    draw_line(axes, run, np.append(water, water[-1:]))
+    axes.set_ylim(0, 1.2 * max(float(np.nanmax(water, initial=kept_m)), kept_m))
+    least = ranked.metrics.least_water_m
+    plot_title(
+        axes,
+        f"Water under the keel, m: least {least:.1f}",
+        f"dashed: to be kept, {plain(kept_m)}",
+    )
+
+
+def _padding_m(ranked: RankedRoute, at: RouteProfile) -> FloatArray:
+    """Return the padding (n,), true metres, of the constrained edge nearest to each point."""
+    padded = ranked.route.padding_used
+    projection = ranked.case.case.projection
+    if not len(padded):
+        return np.zeros(len(at.lonlat))
+    edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
+    points = shapely.points(projection.to_plane(at.lonlat))
+    nearest = shapely.STRtree(edges).query_nearest(points, all_matches=False)[1]
+    return np.asarray(padded[nearest, 4] * projection.scale)
 
 
 def titled_fuel_unit(maximum: float) -> tuple[float, str]:
@@ -279,12 +270,8 @@ def plot_text(
     *,
     on_left: bool,
     offset_pt: tuple[float, float] = (4.0, 0.0),
-    coordinates: Transform | None = None,
 ) -> None:
-    """Write text left or right of a place in a plot, and above it if the offset goes up.
-
-    The place is in the data's coordinates if no others are given.
-    """
+    """Write text left or right of a place in a plot, and above it if the offset goes up."""
     box = {"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"}
     across, up = offset_pt
     axes.annotate(
@@ -298,7 +285,6 @@ def plot_text(
         color=COLOURS["ink"],
         bbox=box,
         zorder=4,
-        xycoords=coordinates or "data",
     )
 
 
@@ -328,70 +314,153 @@ def _round_ticks(axes: Axes) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-# Height of the histogram of turns' reaches.
-_HISTOGRAM_PT = 170.0
-# Height of the row in which a marked distance has its text.
-_MARK_ROW_PT = 14.0
-_BINS = 30
-# Greatest distance to the coast that is drawn, as a multiple of the greatest reach; greater
-# distances are only written.
-_MAX_GAP_REACHES = 2.0
-# A mark further right than this share of the axis has its text on the left.
-_TEXT_LEFT_FROM = 0.4
-# Length of an axis, as a factor on the greatest value.
-_AXIS_FACTOR = 1.06
+_HEIGHT_PT = 150.0
+# Units of time: shortest axis on which it is used, s; length of the unit, s; its name.
+_UNITS = ((3 * 86_400.0, 86_400.0, "days"), (7_200.0, 3_600.0, "hours"), (0.0, 60.0, "minutes"))
+# The bound is drawn if it lies no further below the least duration than this multiple of the range
+# of durations.
+_MAX_DEPTH = 3.0
+# Space above and below the values, as a share of their range.
+_MARGIN = 0.12
 
 
-def tightest_place(ranked: RankedRoute) -> renew.Tightest | None:
-    """Return the place where turns have the least room; None without padding."""
-    case, seed = ranked.case.case, ranked.case.scenario.planner.seed
-    return renew.tightest(ranked.route, case.current, case.vessel, seed=seed)
+def departure_figure(choice: DepartureChoice) -> Figure | None:
+    """Plot time under way by departure, with its lower bound; None for a single departure.
 
-
-def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
-    """Return a histogram of turns' reaches, with the padding and the distance to the coast.
-
-    `scale` is true metres to a planar metre.
+    Where speeds are chosen it shows fuel, since each voyage takes nearly all the allowed time.
     """
-    reach_m = np.asarray(tightest.reaches, dtype=float) * scale
-    padding_m, gap_m = tightest.turns * scale, tightest.gap * scale
-    beyond = at_most_percent(float((reach_m > padding_m).mean()))
-    # Each has its distance, its colour's role, and its text.
-    marks = [
-        (float(np.median(reach_m)), "ink", "median {}"),
-        (padding_m, "other", f"padding for turns {{}}, exceeded by {beyond}"),
-        (gap_m, "best", "route to no-go zone {}"),
-    ]
-    furthest_m = max(float(reach_m.max()), padding_m)
-    shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
-    end_m = _AXIS_FACTOR * max(furthest_m, shown_gap_m)
-    unit, unit_m = distance_unit(end_m)
-
-    figure, (axes,) = plot_panels(1, _HISTOGRAM_PT, 0.0)
-    counts, edges = np.histogram(reach_m / unit_m, bins=_BINS)
-    shares = 100 * counts / reach_m.size
-    axes.stairs(shares, edges, fill=True, color=COLOURS["speed1"], zorder=2)
-    over = np.maximum(edges, padding_m / unit_m)
-    axes.stairs(shares, over, fill=True, color=COLOURS["other"], zorder=2.5)
-    # Above the bars, each mark has a row for its text.
-    rows = len(marks) * _MARK_ROW_PT / _HISTOGRAM_PT
-    axes.set_xlim(0, end_m / unit_m)
-    axes.set_ylim(0, _AXIS_FACTOR * shares.max() / (1 - rows))
-    # The nearest mark is the lowest, so that text left of a line crosses no other line.
-    for row, (metres, role, text) in enumerate(sorted(marks, key=lambda mark: -mark[0])):
-        height = 1 - (row + 0.5) * _MARK_ROW_PT / _HISTOGRAM_PT
-        written = text.format(kept(metres))
-        if metres <= end_m:
-            axes.axvline(metres / unit_m, 0, height, color=COLOURS[role], linewidth=1.8, zorder=3)
-        else:
-            written += " \N{RIGHTWARDS ARROW}"
-        plot_text(
-            axes,
-            written,
-            (min(metres, end_m) / unit_m, height),
-            on_left=metres > _TEXT_LEFT_FROM * end_m,
-            coordinates=axes.get_xaxis_transform(),
-        )
-    plot_title(axes, "How far hard-over turns reach", "% of turns")
-    plot_x_label(axes, f"reach from the tightest place, {unit}")
+    if len(choice.departures_s) < 2:
+        return None
+    figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
+    is_long = np.ptp(choice.departures_s) > _UNITS[0][0]
+    _, unit_s, unit = _UNITS[0 if is_long else 1]
+    known = np.isfinite(choice.fuels)
+    x, y = choice.departures_s / unit_s, choice.durations_s / 3600
+    if choice.has_speeds:
+        y = 100 * (choice.fuels / choice.fuels.min() - 1)
+    low, high = float(y[known].min()), float(y[known].max())
+    floor = low - choice.unproven_s / 3600
+    has_floor = floor > low - _MAX_DEPTH * (high - low)
+    axes.plot(x, np.where(known, y, np.nan), color=COLOURS["best"], linewidth=1.4, zorder=3)
+    axes.plot(
+        x[known], y[known], "o", color=COLOURS["best"], markersize=2.2, markeredgewidth=0, zorder=3
+    )
+    if has_floor:
+        axes.axhline(floor, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
+        low = floor
+    begin_s, end_s = choice.good_window(AS_GOOD)
+    axes.axvspan(begin_s / unit_s, end_s / unit_s, color=COLOURS["grid"], alpha=0.6, zorder=1)
+    at = choice.chosen_s / unit_s
+    axes.axvline(at, color=COLOURS["other"], linewidth=1.8, zorder=2.5)
+    room = _MARGIN * (max(high - low, 0.02 * high) or 1.0)
+    axes.set_ylim(low - room, high + 2.5 * room)
+    on_left = at > (x[0] + x[-1]) / 2
+    plot_text(
+        axes,
+        f"leave {moment_text(choice.chosen)}: {hours(choice.least_s)}",
+        (at, high + 1.4 * room),
+        on_left=on_left,
+    )
+    note = "dashed: no departure takes less, apart from the paths' error" if has_floor else ""
+    what = "Time under way, h (fuel in proportion)"
+    plot_title(axes, "Fuel above the least, %" if choice.has_speeds else what, note)
+    plot_x_label(axes, f"departure, {unit} after {moment_text(choice.first)}")
     return figure
+
+
+def trade_off_figure(curve: SpeedTradeOff) -> Figure | None:
+    """Plot least fuel by time, the best route, the deadline; None for a single arrival."""
+    if len(curve.durations_s) < 2:
+        return None
+    figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
+    longest = float(curve.durations_s[-1])
+    unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)
+    scale, scale_name = titled_fuel_unit(float(curve.fuels.max()))
+    x, y = curve.durations_s / unit_s, curve.fuels / scale
+    draw_line(axes, x, y)
+    low, high = float(y.min()), float(y.max())
+    room = _MARGIN * max(high - low, 0.02 * high)
+    axes.set_ylim(max(0.0, low - room), high + room)
+    deadline = curve.choice.within_s / unit_s
+    if deadline <= x[-1]:
+        axes.axvline(deadline, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
+    at, chosen = curve.duration_s / unit_s, curve.fuel / scale
+    mark_point(axes, at, chosen, "other", (6.0, 2.0))
+    # Above and right of the falling curve there is room, unless the point is at its right end.
+    on_left = at > 0.65 * x[-1] + 0.35 * x[0]
+    plot_text(
+        axes,
+        f"{moment_text(curve.moment(curve.duration_s))}\n{hours(curve.duration_s)}, "
+        f"fuel {fuel(curve.fuel)}",
+        (at, chosen),
+        on_left=on_left,
+        offset_pt=(8.0, 8.0),
+    )
+    note = "dashed: deadline" if deadline <= x[-1] else ""
+    plot_title(axes, f"Least fuel by arrival{scale_name}", note)
+    plot_x_label(axes, f"arrival, {unit} after {moment_text(curve.departure)}")
+    return figure
+
+
+# Height of a route's row, points.
+_ROW_PT = 30.0
+# Largest number of rows.
+_MAX_ROWS = 6
+# A route that needs this multiple of the first route's fuel is drawn only if it is the best in some
+# member.
+_MUCH_DEARER = 1.3
+# Largest number of letters of a way.
+_MAX_WAY = 52
+
+
+def fan_figure(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Figure | None:
+    """Plot each route's fuel in each member, its mean, and the range of the middle eight tenths.
+
+    None where no route can be sailed in every member.
+    """
+    base = ensemble.statistic("mean", 1)
+    if not np.isfinite(base):
+        return None
+    # A few routes that are much dearer would squeeze the others together.
+    shown = [
+        one
+        for one in routes
+        if ensemble.share(one.rank) > 0
+        or np.median(ensemble.fuels[one.rank - 1]) < _MUCH_DEARER * base
+    ][:_MAX_ROWS]
+    figure, (axes,) = plot_panels(1, _ROW_PT * len(shown), 0.0)
+    for row, one in enumerate(reversed(shown)):
+        fuels = ensemble.fuels[one.rank - 1]
+        known = np.isfinite(fuels)
+        more = 100 * (fuels[known] / base - 1)
+        colour = COLOURS["best" if one.rank == 1 else "other"]
+        low, middle, high = _quantiles(more, ensemble.weights[known])
+        axes.plot([low, high], [row, row], color=colour, linewidth=5, alpha=0.3, zorder=2)
+        axes.plot(
+            more, np.full(more.size, row), "|", color=colour, markersize=8, alpha=0.7, zorder=3
+        )
+        axes.plot([middle], [row], "o", color=colour, markersize=4.5, zorder=4)
+        share = text.percent(ensemble.share(one.rank), 0)
+        axes.text(
+            0.005,
+            row + 0.34,
+            f"{drawable(one.metrics.way or way_text(one.metrics), _MAX_WAY)}: best in {share}",
+            transform=axes.get_yaxis_transform(),
+            fontsize=TEXT_PT,
+            color=COLOURS["ink"],
+            va="center",
+        )
+    axes.set_ylim(-0.4, len(shown) - 0.35)
+    axes.yaxis.set_visible(False)
+    axes.spines["left"].set_visible(False)
+    plot_title(axes, "Fuel in each member", "dot: mean; bar: eight members in ten")
+    plot_x_label(axes, "above the mean of the route taken, %")
+    return figure
+
+
+def _quantiles(values: FloatArray, weights: FloatArray) -> tuple[float, float, float]:
+    """Return the first decile, the mean and the ninth decile of weighted values."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order]) / weights.sum()
+    low, high = (values[order][np.searchsorted(below, share - 1e-9)] for share in (0.1, 0.9))
+    return float(low), float(np.average(values, weights=weights)), float(high)

@@ -18,6 +18,7 @@ from pipeline._types import ArrayLike, Geometries
 from pipeline.findings.haven_rows import haven_rows, stretch_line
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.text import distance, fuel
+from pipeline.formats.appearance import COLOURS, STATES, season_colour
 from pipeline.formats.figures.chart_map import (
     draw_island_labels,
     draw_map,
@@ -28,8 +29,7 @@ from pipeline.formats.figures.chart_map import (
     point,
     stroke,
 )
-from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limits
-from pipeline.formats.palette import COLOURS, STATES, season_colour
+from pipeline.formats.figures.map_marks import arrow_outlines, speed_labels, speed_limits
 
 # Size, points, below which details of the coast are dropped: they can't be seen, and would make up
 # most of a file.
@@ -229,7 +229,7 @@ def draw_case(axes: Axes, sea: PathPatch, case: RunCase) -> None:
 
 def _area_layers(axes: Axes, case: RunCase) -> list[Artist]:
     """Return currents, over them the best route's soft no-go zone, and land on top."""
-    result, outlines = case.run, arrows(case).outlines(speed_limits(case.run))
+    result, outlines = case.run, arrow_outlines(case, speed_limits(case.run))
     return [
         *(
             patch(outline, facecolor=COLOURS[f"speed{i}"], edgecolor="none", zorder=2)

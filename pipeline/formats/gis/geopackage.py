@@ -25,34 +25,37 @@ import pyproj
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.findings.columns import COLUMNS
+from pipeline.findings.names import COLUMNS
 from pipeline.findings.note_words import caveats_json
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import write_json
+from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures.map_marks import nice_step
-from pipeline.formats.gis.frames import (
+from pipeline.formats.gis.layers import (
+    FRAMES,
     LAYERS,
     GeoDataFrame,
     check_count,
     dated,
     opened,
     system_errors,
+    waypoint_frame,
     write_layer,
 )
-from pipeline.formats.gis.layers import FRAMES, waypoint_frame
-from pipeline.formats.gis.qgis import (
+from pipeline.formats.gis.styles import (
     LONLAT,
+    STYLES,
     Bounds,
     MapCrs,
     View,
     inert,
     map_crs,
     one_line,
+    qml,
     rendered,
+    style,
     view,
 )
-from pipeline.formats.gis.styles import STYLES, qml, style
-from pipeline.formats.palette import COLOURS
 from pipeline.formats.passage.waypoints import (
     NAUTICAL_MILE_M,
     attribution,
@@ -81,7 +84,7 @@ _WRAP = 100
 _PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 # Margin of a page.
 _MARGIN_MM = 10.0
-# Height of the title on an A4 page; on A3 it is larger by the ratio of the pages, as are the next.
+# Height of the title on an A4 page. On A3 this and the next two grow with the page's width.
 _TITLE_MM = 12.0
 # Height of the credits on an A4 page.
 _CREDITS_MM = 16.0
@@ -105,6 +108,7 @@ def qgz(
         lonlat=pyproj.CRS(LONLAT),
         layers=list(_project_layers(columns, view, file_name)),
         cases=view.cases,
+        lead=view.lead,
         case_layers=_CASE_LAYERS,
         columns=columns,
         fields=COLUMNS,
@@ -133,23 +137,24 @@ def _project_layers(names: Collection[str], view: View, file_name: str) -> Itera
     """
     for name in [name for name in STYLES if name in names]:
         shared = {
+            "name": name,
             "layer": LAYERS[name],
             # QGIS wants identifiers of more than ten characters.
             "identity": f"{name}_all_seasons",
-            "geometry": _GEOMETRIES[LAYERS[name].geometry_type],
+            "geometry": _GEOMETRIES[LAYERS[name]["geometry_type"]],
             "source": f"./{file_name}|layername={name}",
         }
         if name not in _CASE_LAYERS:
             yield {**shared, "case": None, "is_on": True, "style": style(name, view)}
             continue
-        for case in sorted(view.cases, key=lambda case: case.leads):
-            if case.planned or name == "currents":
+        for case in sorted(view.cases, key=lambda case: case is view.lead):
+            if case.routes or name == "currents":
                 yield {
                     **shared,
-                    "identity": f"{name}_season_{case.number}",
-                    "routes_identity": f"routes_season_{case.number}",
+                    "identity": f"{name}_season_{case.number + 1}",
+                    "routes_identity": f"routes_season_{case.number + 1}",
                     "case": case,
-                    "is_on": name == "routes" or (case.leads and _CASE_LAYERS[name]),
+                    "is_on": name == "routes" or (case is view.lead and _CASE_LAYERS[name]),
                     "style": style(name, replace(view, cases=(case,))),
                     "source": f'{shared["source"]}|subset="season" = {_sql(case.name)}',
                 }
@@ -207,13 +212,13 @@ def write_geopackage(result: RunResult, path: Path) -> None:
     """Write the layers of a run that have features to a new file at `path`; routes always."""
     counts, columns = {}, {}
     with system_errors(path), dated(result.created):
-        for layer in LAYERS.values():
-            frame = FRAMES[layer.name](result)
-            if frame.empty and layer.name != "routes":
+        for name, about in LAYERS.items():
+            frame = FRAMES[name](result)
+            if frame.empty and name != "routes":
                 continue
-            counts[layer.name] = len(frame)
-            columns[layer.name] = ["fid", *frame.columns.drop("geometry")]
-            write_layer(path, frame, layer)
+            counts[name] = len(frame)
+            columns[name] = ["fid", *frame.columns.drop("geometry")]
+            write_layer(path, frame, name, about)
         with opened(path) as database:
             _add_records(database, result, columns, path.name)
             for name, count in counts.items():
@@ -242,7 +247,7 @@ def _add_records(
         " VALUES ('geopackage', ?)",
         (row.lastrowid,),
     )
-    # Software shows either the name of a column or its title.
+    # Name and title are equal, because software shows one or the other.
     database.executemany(
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",
@@ -258,7 +263,7 @@ def _add_records(
         " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
         " VALUES ('', '', ?, 'geom', 'RENEW', ?, '', 1, ?, 'RENEW')",
         [
-            (name, qml(name, map_view, of_layer), LAYERS[name].title)
+            (name, qml(name, map_view, of_layer), LAYERS[name]["title"])
             for name, of_layer in columns.items()
         ],
     )

@@ -1,35 +1,189 @@
-"""The layers of a run in lon/lat; `layers.toml` has their titles and descriptions."""
+"""The layers of a run in lon/lat, and how they are written to a GeoPackage.
+
+`layers.toml` has their titles and descriptions.
+"""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+import sqlite3
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from datetime import datetime
-from typing import Any
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import pyproj
 import shapely
 
 import renew
-from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
-from pipeline.findings.columns import figure_columns, figures, used
+from pipeline._types import ArrayLike, BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, haven_ways, stretch_line
-from pipeline.findings.result import RunCase, RunResult, continued
+from pipeline.findings.names import COLUMNS, figure_columns, figures, used
+from pipeline.findings.result import RankedRoute, RunCase, RunResult, continued
 from pipeline.findings.route_profile import Legs, legs as planned_legs
-from pipeline.findings.text import moment_text
-from pipeline.formats.gis.frames import (
-    ROUTE_STEP_M,
-    ZONE_STEP_M,
-    GeoDataFrame,
-    columns_of,
-    frame,
-    multipolygons,
-    route_key,
-    rows_frame,
-    to_lonlat,
-)
+from pipeline.findings.text import moment_text, os_error
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text
 from pipeline.model import Zone
+
+_TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
+
+
+GeoDataFrame: TypeAlias = Any  # of geopandas, which has no types and takes long to import
+
+ROUTE_STEP_M = 2_000.0
+"""Maximum length, true metres, of a segment of a route.
+
+A straight line of the plane departs from the straight line in degrees by s²/8R·tan(latitude): by
+0.1 m at 10 degrees, 0.2 m at 70.
+"""
+
+ZONE_STEP_M = 10_000.0
+"""Maximum length, true metres, of a segment of a zone's edge: the chart is no more accurate."""
+
+
+LAYERS: dict[str, dict[str, str]] = tomllib.loads(
+    files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")
+)
+"""The layers of `routes.gpkg`, by name, in their order in the file: texts and type of geometry."""
+
+
+def frame(
+    geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[ArrayLike]]
+) -> GeoDataFrame:
+    """Make the frame of a layer.
+
+    `geometry` has one geometry per feature, or one array of geometries per route or case. A
+    column has one value, or one array of values, per entry of `geometry`. Numbers that are not
+    finite become NaN, which is written as NULL.
+    """
+    import geopandas
+
+    counts = [np.size(part) for part in geometry]
+    joined = {
+        name: _joined(values, counts, _TYPES[COLUMNS[name].type if name in COLUMNS else "number"])
+        for name, values in columns.items()
+    }
+    return geopandas.GeoDataFrame(
+        joined,
+        geometry=_joined(geometry, counts, object),
+        crs="EPSG:4326",
+    )
+
+
+def rows_frame(geometry: Geometries, rows: Sequence[Mapping[str, Any]]) -> GeoDataFrame:
+    """Make the frame of a layer whose features each have a geometry and a row of cells."""
+    return frame(geometry, {name: [row[name] for row in rows] for name in (rows[:1] or [{}])[0]})
+
+
+def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[str, list[Any]]:
+    """Return columns of some attributes of records; `renamed` gives the attribute of a column."""
+    attributes = {**dict(zip(names, names, strict=True)), **renamed}
+    return {column: [getattr(one, name) for one in records] for column, name in attributes.items()}
+
+
+def route_key(ranked: Sequence[RankedRoute]) -> dict[str, list[ArrayLike]]:
+    """Return columns that identify routes."""
+    return columns_of(ranked, "season", "rank")
+
+
+def to_lonlat(result: RunResult, geometries: Sequence[Any], step_m: float) -> Geometries:
+    """Transform planar geometries to lon/lat, with segments of at most `step_m` true metres.
+
+    Areas become MultiPolygons.
+    """
+    array = np.empty(len(geometries), dtype=object)
+    array[:] = geometries
+    lonlat = result.water.projection.geometry_to_lonlat(array, densify_m=step_m)
+    areas = not all(shapely.get_type_id(lonlat) == shapely.GeometryType.LINESTRING)
+    return multipolygons(lonlat) if areas else lonlat
+
+
+def multipolygons(areas: Sequence[Any] | Geometries) -> Geometries:
+    """Make MultiPolygons of areas; lines and points that a union leaves are dropped."""
+    multis = np.full(len(areas), shapely.MultiPolygon(), dtype=object)
+    parts, index = shapely.get_parts(np.array(areas, dtype=object), return_index=True)
+    polygons = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    shapely.multipolygons(parts[polygons], indices=index[polygons], out=multis)
+    return multis
+
+
+def _joined(
+    values: Sequence[Any] | Geometries, counts: Sequence[int], dtype: type
+) -> npt.NDArray[Any]:
+    """Join arrays; a single value is repeated by its count."""
+    parts: list[npt.NDArray[Any]] = [
+        np.broadcast_to(np.asarray(value, dtype=dtype), count)
+        for value, count in zip(values, counts, strict=True)
+    ]
+    column = np.concatenate([np.empty(0, dtype=dtype), *parts])
+    return np.where(np.isfinite(column), column, np.nan) if dtype is float else column
+
+
+def write_layer(path: Path, frame: GeoDataFrame, name: str, about: Mapping[str, str]) -> None:
+    """Write a frame as a new layer of a name, with a title, description and type of geometry.
+
+    SQLite does not wait for the disk here: all files are flushed together, when they are complete.
+    """
+    from pyogrio import set_gdal_config_options
+
+    set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
+    frame.to_file(
+        path,
+        layer=name,
+        driver="GPKG",
+        engine="pyogrio",
+        index=False,
+        geometry_type=about["geometry_type"],
+        dataset_options={"VERSION": "1.3"},
+        layer_options={
+            "IDENTIFIER": about["title"],
+            "DESCRIPTION": about["description"],
+            "GEOMETRY_NAME": "geom",
+            "FID": "fid",
+        },
+    )
+
+
+@contextmanager
+def dated(moment: datetime) -> Iterator[None]:
+    """Date the layers that the block writes by the run, so that equal runs give equal files."""
+    from pyogrio import set_gdal_config_options
+
+    set_gdal_config_options({"OGR_CURRENT_DATE": moment.strftime("%Y-%m-%dT%H:%M:%S.000Z")})
+    try:
+        yield
+    finally:
+        set_gdal_config_options({"OGR_CURRENT_DATE": None})
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open the file as a database, and commit what the block changes."""
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("PRAGMA synchronous = OFF")  # as in `write_layer`
+        yield database
+
+
+def check_count(database: sqlite3.Connection, layer: str, expected: int) -> None:
+    """Count the features of a layer: on a full disk GDAL may close a file without an error."""
+    count = database.execute(f'SELECT count(*) FROM "{layer}"').fetchone()[0]  # noqa: S608 - names are our own layers
+    if count != expected:
+        raise sqlite3.DatabaseError(f"layer {layer} holds {count} of {expected} features")
+
+
+@contextmanager
+def system_errors(path: Path) -> Iterator[None]:
+    """Turn errors of GDAL and SQLite into an OSError."""
+    from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
+
+    try:
+        yield
+    except (DataSourceError, DataLayerError, FeatureError, sqlite3.Error) as error:
+        raise os_error(path, error) from error
 
 
 def coast(result: RunResult) -> GeoDataFrame:
@@ -66,9 +220,9 @@ def chart_areas(result: RunResult) -> GeoDataFrame:
 
 def depth_areas(result: RunResult) -> GeoDataFrame:
     """Return areas of equal depth."""
-    found = result.fetched.land.depth_areas
-    columns = columns_of(found, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
-    return frame(multipolygons([one.area for one in found]), columns)
+    areas = result.fetched.land.depth_areas
+    columns = columns_of(areas, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
+    return frame(multipolygons([one.area for one in areas]), columns)
 
 
 def islands(result: RunResult) -> GeoDataFrame:
@@ -118,9 +272,9 @@ def no_go(result: RunResult) -> GeoDataFrame:
 
 def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
     """Return areas of the chart, with their kinds, names and rules."""
-    found = list(zones)
+    listed = list(zones)
     return frame(
-        multipolygons([zone.area for zone in found]), columns_of(found, "kind", "name", "rule")
+        multipolygons([zone.area for zone in listed]), columns_of(listed, "kind", "name", "rule")
     )
 
 
@@ -305,10 +459,10 @@ def _contingency(result: RunResult) -> GeoDataFrame:
 
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
-    found = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
+    crossings = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
     return rows_frame(
-        shapely.points(np.array([[one.lon, one.lat] for _, one in found]).reshape(-1, 2)),
-        [{"season": name, "rank": one.rank, "length_m": one.length_m} for name, one in found],
+        shapely.points(np.array([[one.lon, one.lat] for _, one in crossings]).reshape(-1, 2)),
+        [{"season": name, "rank": one.rank, "length_m": one.length_m} for name, one in crossings],
     )
 
 
@@ -336,12 +490,7 @@ def _havens(result: RunResult) -> GeoDataFrame:
 
 def _diversions(result: RunResult) -> GeoDataFrame:
     """Return the ways to havens, one line each."""
-    found = [
-        (case.name, way)
-        for case in result.cases
-        if case.coverage is not None
-        for way in haven_ways(case).values()
-    ]
+    found = [(case.name, way) for case in result.cases for way in haven_ways(case).values()]
     ways = [way for _, way in found]
     names = ("haven", "length_m", "duration_s", "longest_s", "fuel", "bearing_deg")
     return frame(
@@ -360,26 +509,19 @@ def _coverage(result: RunResult) -> GeoDataFrame:
     found = [
         (case, row)
         for case in result.cases
-        if case.coverage is not None
         for row in haven_rows(case)
         if row.kind not in LAST_TURNS
     ]
-    return rows_frame(
+    rows = [row for _, row in found]
+    return frame(
         to_lonlat(result, [stretch_line(case, row) for case, row in found], ROUTE_STEP_M),
-        [
-            {
-                "season": case.name,
-                "begin_s": row.begin_s,
-                "end_s": row.end_s,
-                "longest_s": row.longest_s,
-                "least_s": row.least_s,
-                "state": row.kind,
-                "haven": row.way.haven if row.way else "",
-                "diversion": row.way.number if row.way else 0,
-                "reason": row.reason,
-            }
-            for case, row in found
-        ],
+        {
+            "season": [case.name for case, _ in found],
+            **columns_of(rows, "begin_s", "end_s", "longest_s", "least_s", state="kind"),
+            "haven": [row.way.haven if row.way else "" for row in rows],
+            "diversion": [row.way.number if row.way else 0 for row in rows],
+            "reason": [row.reason for row in rows],
+        },
     )
 
 

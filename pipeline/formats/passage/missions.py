@@ -29,7 +29,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.findings.haven_rows import Way, haven_ways
 from pipeline.findings.result import RankedRoute, RunCase
-from pipeline.findings.route_profile import coast_index
+from pipeline.findings.route_profile import closest_approach, coast_edges
 from pipeline.findings.text import json_value, speed_over_ground, write_json
 from pipeline.formats.passage.routes import gpx_document, rtz_text
 from pipeline.formats.passage.safe_corridor import Obstacles, in_pieces, kept_out, tracks
@@ -52,10 +52,10 @@ MAX_RALLY_POINTS = 50
 """Number of rally points that the same storage has room for."""
 KEPT_SHARE = 0.98
 """Share of the cross-track limits that the fence leaves free beside the legs."""
-# Share of the least limit by which the fence may run outside what is left free where no other water
-# is: the limits themselves may end at V.
+# Where there is no other water, the fence runs this share of the least limit outside the strip that
+# it leaves free. `KEPT_SHARE` leaves more, because a limit may end at V.
 _USED_SHARE = 0.01
-# Steps by which the water is narrowed until few vertices do, as shares of its size.
+# Steps by which water is narrowed until few vertices enclose it, as shares of its size.
 _STEPS = 2.0 ** np.arange(-9, -3, 0.5)
 # Decimals of degrees of a vertex: autopilots hold whole numbers of 1e-7 degrees.
 _DECIMALS = 7
@@ -65,7 +65,7 @@ _PIECE_M = 1_000.0
 _ERROR_M = 0.1
 # Number of points tried as the next vertex.
 _TRIED = 100
-# Number of pieces into which a route is cut at least to find the nearest rally point of each.
+# Least number of pieces of a route: the nearest rally point is found for each piece.
 _PIECES = 1_000
 # An autopilot's distances may be off by this share.
 _DISTANCE_ERROR = 0.01
@@ -75,17 +75,16 @@ _TOLD = "_autopilot"
 
 @dataclass(frozen=True)
 class Autopilot:
-    """What a mission's file may tell an autopilot beside the way.
+    """The fence and the rally points of a mission.
 
     Attributes
     ----------
     fence : the inclusion polygon (n, 2), then the exclusion polygons (m, 2) in it, degrees, not
-        closed: all that is inside the first and outside the others is water outside V. None if no
-        fence of so few vertices was found, if a leg lies in V, where nothing is promised, or on a
-        chart across 180 degrees.
-    rally : points (n, 2), degrees, n >= 0, in the fence if there is one, such that from every place
-        of the legs the straight line to the nearest one of them and the start is water outside V.
-        None if there are none such, the start alone included: then the vessel must not return.
+        closed: they leave only water outside V. None if no fence of so few vertices was found, if a
+        leg lies in V, where nothing is promised, or on a chart across 180 degrees.
+    rally : points (n, 2), degrees, in the fence if there is one. From every place of the legs, the
+        straight line to the nearest of these points and the start stays in water outside V. None if
+        that fails even without any point: then the vessel must not return to the start.
     """
 
     fence: tuple[FloatArray, ...] | None
@@ -110,20 +109,20 @@ def _autopilot(case: RunCase) -> Autopilot:
     used = shapely.buffer(kept, _USED_SHARE * least_m)
     water = parts[shapely.distance(parts, used).argmin()]
     shapely.prepare(water)
-    found = _fence(flat, water, used, kept)
+    fence = _fence(flat, water, used, kept)
     given = case.coverage.havens if case.coverage is not None else ()
     # A rally point is open at all hours.
     places = [one.place for one in given if not np.isfinite([one.opens, one.closes]).any()]
     lonlat = case.run.water.projection.to_lonlat(np.reshape(places, (-1, 2)))
     havens = np.round(lonlat, _DECIMALS)
-    if found is not None:  # An autopilot passes over rally points outside its fence.
-        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in found)
+    if fence is not None:  # An autopilot passes over rally points outside its fence.
+        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in fence)
         havens = havens[inside & ~np.any(shut, axis=0)]
     havens = havens[:MAX_RALLY_POINTS]
     for rally in (havens, havens[:0]) if len(havens) else (havens,):
         if _is_clear(flat, water, points, rally):
-            return Autopilot(found, rally)
-    return Autopilot(found, None)
+            return Autopilot(fence, rally)
+    return Autopilot(fence, None)
 
 
 def open_water(case: RunCase) -> shapely.Geometry:
@@ -178,7 +177,7 @@ def _beside(points: Waypoints) -> shapely.Geometry:
 def _fence(
     flat: _Flat, water: shapely.Polygon, used: shapely.Geometry, kept: shapely.Geometry
 ) -> tuple[FloatArray, ...] | None:
-    """Return the first fence found, in water that is narrowed step by step but for what is used."""
+    """Narrow the water step by step, except for what is used, and return the first fence found."""
     edges, narrowed = shapely.boundary(shapely.difference(water, kept)), water
     shapely.prepare(edges)
     # An island is inside a ring that does not meet it if its first vertex is.
@@ -198,7 +197,7 @@ def _fence(
             continue
         outside = islands[~shapely.contains_xy(shapely.Polygon(joined.exterior), islands)]
         apart = [outside, *(islands[shapely.contains_xy(hole, islands)] for hole in holes)]
-        # Nor do the legs change sides.
+        # In the same way the legs stay on their side of a ring.
         apart = [np.concatenate([one, inside]) for one in apart]
         outlines = [joined.exterior, *(hole.exterior for hole in holes)]
         rings = [flat.xy(flat.lonlat(shapely.get_coordinates(one)[:-1])) for one in outlines]
@@ -258,7 +257,7 @@ def _is_clear(flat: _Flat, water: shapely.Polygon, points: Waypoints, rally: Flo
     lonlat = np.stack([places[:-1], places[1:]], axis=1)[np.diff(leg) == 0]
     apart = np.stack([_distances(lonlat[:, end], sites) for end in (0, 1)])
     step = np.asarray(_GEOD.inv(*lonlat[:, 0].T, *lonlat[:, 1].T)[2])[:, None]
-    # From some place of a piece the distance is at least, and from every place at most:
+    # The least and the greatest distance of a piece's places from each site.
     least, most = (apart.sum(axis=0) - step) / 2, (apart.sum(axis=0) + step) / 2
     piece, site = np.nonzero(least <= (1 + _DISTANCE_ERROR) * most.min(axis=1, keepdims=True))
     ends = flat.xy(lonlat.reshape(-1, 2)).reshape(-1, 2, 2)[piece]
@@ -267,7 +266,7 @@ def _is_clear(flat: _Flat, water: shapely.Polygon, points: Waypoints, rally: Flo
     steepest = np.abs(np.concatenate([points.lonlat, rally])[:, 1]).max()
     bend = most[piece, site] ** 2 * np.tan(np.radians(steepest)) / (4 * EARTH_RADIUS_M)
     triangles = shapely.buffer(shapely.convex_hull(shapely.multipoints(corners)), bend)
-    # Where one is not clear, a few of them soon tell.
+    # A few of them are tested first: they often show that not all are clear.
     return bool(
         shapely.covers(water, triangles[:: max(len(triangles) // 50, 1)]).all()
         and shapely.covers(water, triangles).all()
@@ -315,9 +314,9 @@ def write_plan(case: RunCase, path: Path) -> None:
 
 
 def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
-    """Return a route's plan, with what an autopilot is told beside the way.
+    """Return a route's plan, with its fence and rally points.
 
-    Programs pass over the key `renew`: how the route is not safe, what is not known or was decided.
+    The key `renew`, which programs ignore, says how the route is not safe, and what is not known.
     """
     start = _position(points, 0)
     speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
@@ -429,7 +428,7 @@ def _waypoints(way: Way, case: RunCase, obstacles: Obstacles) -> Waypoints:
 def _ranked(way: Way, case: RunCase) -> RankedRoute:
     """Return a way as a route, with the figures that the formats show."""
     route, water = way.route, case.run.water
-    nearest = coast_index(water.land).closest_approach(route.path, water.projection)
+    nearest = closest_approach(coast_edges(water.land), route.path, water.projection)
     metrics = RouteMetrics(
         rank=way.number,
         homotopy=route.homotopy,
@@ -437,7 +436,7 @@ def _ranked(way: Way, case: RunCase) -> RankedRoute:
         fuel_per_distance=route.fuel_per_distance,
         length=route.length,
         length_m=way.length_m,
-        clearance_m=math.inf if nearest is None else nearest.clearance_m,
+        clearance_m=math.inf if nearest is None else nearest[1],
         duration_s=way.duration_s,
         speed_m_s=float(route.speeds[0]),
     )

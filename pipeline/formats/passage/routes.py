@@ -35,7 +35,7 @@ from pipeline.findings.text import (
     turns_text,
     xml_environment,
 )
-from pipeline.formats.palette import season_colour
+from pipeline.formats.appearance import season_colour
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -71,16 +71,16 @@ def write_gpx(
     A `rte` holds a route's few waypoints, with its rank as number; the `trk` is the best route's
     path as planned. With a departure, which needs a time zone, all points have times.
     """
-    found = case_waypoints(case) if every else both_sides(case)
-    tracks = [_track(found[0].ranked, departure)]
-    path.write_bytes(gpx_document(found, departure, tracks))
+    routes = case_waypoints(case) if every else both_sides(case)
+    tracks = [_track(routes[0].ranked, departure)]
+    path.write_bytes(gpx_document(routes, departure, tracks))
 
 
 def gpx_document(
-    found: Sequence[Waypoints], departure: datetime | None, tracks: list[gpxpy.gpx.GPXTrack]
+    routes: Sequence[Waypoints], departure: datetime | None, tracks: list[gpxpy.gpx.GPXTrack]
 ) -> bytes:
     """Return the file of some routes of a case, at least one, and tracks."""
-    gpx, ranked = gpxpy.gpx.GPX(), found[0].ranked
+    gpx, ranked = gpxpy.gpx.GPX(), routes[0].ranked
     result = ranked.case.run
     gpx.creator = "RENEW"
     gpx.name = document_title(ranked.case)
@@ -93,7 +93,7 @@ def gpx_document(
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
     gpx.nsmap = {"opencpn": _OPENCPN}
-    gpx.routes = [_route(points, departure) for points in found]
+    gpx.routes = [_route(points, departure) for points in routes]
     gpx.tracks = tracks
     return bytes(gpx.to_xml(version="1.1").encode())
 

@@ -27,7 +27,7 @@ from pipeline.model import Case
 Curve = Literal["Loxodrome", "Orthodrome"]
 """A leg's geometry in RTZ's terms: constant course, or shortest distance."""
 
-# Decimals of degrees in the files, a millimetre: legs are checked at the positions written.
+# Decimals of degrees in the files, about a millimetre. Legs are checked at these rounded positions.
 DECIMALS = 8
 # Latitude (degrees) above which legs are orthodromes: IEC 61174 warns that systems draw loxodromes
 # differently there.
@@ -196,19 +196,10 @@ _EXIT_RADII = 0.1
 _QUADRANT_SEGMENTS = 4
 
 
-class IndexedEdges:
-    """Edges with their endpoints `ends` (n, 2, 2), as `lines` (n,), and a `tree` of these."""
-
-    def __init__(self, ends: FloatArray) -> None:
-        self.ends = ends
-        self.lines: Geometries = np.asarray(shapely.linestrings(ends))
-        self.tree = shapely.STRtree(self.lines)
-
-
 class Obstacles:
     """Land, no-go zone and edge of a case's chart, planar metres, indexed once for all its routes.
 
-    `areas` are shut when a route passes them, and count as land then.
+    `areas` are shut when a route would pass them: they count as land.
     """
 
     def __init__(self, case: Case, areas: Sequence[shapely.Geometry] = ()) -> None:
@@ -230,9 +221,10 @@ class Obstacles:
         return shapely.intersection(area, self._extent)
 
     @cached_property
-    def edges(self) -> IndexedEdges:
-        """Edges of the hard no-go zone, which covers all land, and of the chart."""
-        return IndexedEdges(edges_of([*self.case.chart.no_go, *self._areas, self._extent]))
+    def edges(self) -> shapely.STRtree:
+        """Tree of the edges of the hard no-go zone, which covers all land, and of the chart."""
+        edges = edges_of([*self.case.chart.no_go, *self._areas, self._extent])
+        return shapely.STRtree(shapely.linestrings(edges))
 
 
 @dataclass(frozen=True)
@@ -332,7 +324,7 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
 
 
 def kept_out(case: Case, route: renew.Route) -> list[shapely.Geometry]:
-    """Return the areas and tidal depths of a case that count as land beside a route."""
+    """Return the shut areas, and water of too little tide, that a route's legs must keep out of."""
     areas = [area.polygon for area in case.areas]
     if case.tidal_depth is not None:
         areas += case.tidal_depth.areas
@@ -392,7 +384,7 @@ def cross_track_limits(
 
     A limit is the distance from the leg, its ends included, to the nearest point on that side that
     belongs to V, to the hard no-go zone (which covers all land) or to the chart's edge; at most
-    `cap`. V is the water from which a hard-over turn in the season's current could touch land, so
+    `cap`. V is the water from which a hard-over turn in the case's current could touch land, so
     within the limits the vessel stays out of V. A leg that lies in V, as it may at start or goal,
     has the limit 0: nothing is promised there.
     """
@@ -403,7 +395,7 @@ def cross_track_limits(
     way, parts = shapely.multilinestrings(legs.lines), shapely.get_parts(soft_no_go)
     shapely.prepare(way)
     near = list(parts[shapely.dwithin(way, parts, cap)])
-    soft = IndexedEdges(sides.edges_within(cap, edges_of(near)))
+    soft = shapely.STRtree(shapely.linestrings(sides.edges_within(cap, edges_of(near))))
     for edges in (obstacles.edges, soft):
         _lower_to(limits, sides, edges)
     limits[np.tile(shapely.intersects(soft_no_go, legs.lines), 2)] = 0.0
@@ -533,19 +525,20 @@ def _side_areas(
     return np.asarray(shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=of_leg)))
 
 
-def _lower_to(limits: FloatArray, sides: _Sides, edges: IndexedEdges) -> None:
+def _lower_to(limits: FloatArray, sides: _Sides, edges: shapely.STRtree) -> None:
     """Lower each side's limit to the distance of the leg from the edges inside the side's area.
 
     Clipping an edge to an area takes long, so the edges that may be nearest come first, a few of
     each area at once, until no other edge can be nearer.
     """
-    area, edge = edges.tree.query(sides.areas, predicate="intersects")
-    least = sides.least_distance(area, edges.ends[edge])
+    area, edge = edges.query(sides.areas, predicate="intersects")
+    lines = edges.geometries[edge]
+    least = sides.least_distance(area, shapely.get_coordinates(lines).reshape(-1, 2, 2))
     order = np.lexsort((least, area))
     while len(order := order[least[order] < limits[area[order]]]):
         of = area[order]
         first = np.arange(len(of)) - np.searchsorted(of, of) < _AT_ONCE
-        of, tried = of[first], edge[order[first]]
-        parts = shapely.intersection(sides.areas[of], edges.lines[tried])
+        of = of[first]
+        parts = shapely.intersection(sides.areas[of], lines[order[first]])
         np.minimum.at(limits, of, shapely.distance(parts, sides.lines[of]))
         order = order[~first]

@@ -1,4 +1,4 @@
-"""Fewest waypoints: a shortest path through candidate waypoints that see each other."""
+"""The fewest waypoints: a shortest path through candidates, by legs inside the safe corridor."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ from pipeline.formats.passage.safe_corridor import Drawing, SafeCorridor, cross
 
 # Minimum bend, rad, for which the intersection of the legs around it becomes a candidate.
 _MIN_BEND_RAD = 0.1
-# Clearance of offset candidates, in wanted clearances: more than wanted, since legs cut corners.
+# Clearance of candidates beside the path, in wanted clearances: more, since legs cut corners.
 _OFFSET_CLEARANCE = 1.4
-# Half width of a stretch of path in which only one narrow place is searched, in wanted clearances.
+# Of narrow places closer to each other than this, in wanted clearances, only one is taken.
 _NARROWS_WINDOW = 10
 
 # Costs of a leg, added to the 1 that each leg costs: among chains of equally many legs the shorter
@@ -55,7 +55,7 @@ def concatenated(*parts: Candidates) -> Candidates:
 
 
 def with_candidates(path: Candidates, corridor: SafeCorridor) -> tuple[Candidates, IntArray]:
-    """Add corners and points further off V to a path's points; also return their new indices."""
+    """Add corners and points further off V to a path's points; also return the indices of these."""
     return _with_offsets(*_with_corners(path, corridor), corridor)
 
 
@@ -172,7 +172,7 @@ def cheapest_chain(
 
 
 def _likely_legs(candidates: Candidates, corridor: SafeCorridor) -> tuple[IntArray, IntArray]:
-    """Return indices of pairs of candidates that may see each other: most are far apart."""
+    """Return indices of pairs of candidates whose leg may lie in the corridor: most do not."""
     begin, end = np.triu_indices(len(candidates), 1)
     # A candidate beside the path gets the distance along the path of the path's nearest point.
     onwards = candidates.along[end] > candidates.along[begin]
@@ -212,7 +212,7 @@ def _shortest_path(cost: FloatArray, first: int, last: int) -> tuple[IntArray, F
 
 
 def _least(through: FloatArray, unknown: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return indices of the unknown legs on the cheapest chains."""
+    """Return indices of the legs, of those not yet measured, on the cheapest chains."""
     begin, end = np.nonzero(unknown)
     batch = min(len(begin), max(_MIN_BATCH, int(_BATCH_SHARE * len(begin))))
     chosen = np.argpartition(through[begin, end], batch - 1)[:batch]
@@ -300,9 +300,9 @@ def _interpolated(values: FloatArray, leg: IntArray, share: FloatArray) -> Float
 
 
 def _split_shares(leg: FloatArray, region: shapely.Geometry, drawing: Drawing) -> FloatArray:
-    """Return shares at which equal parts of a leg (2, 2) begin, as few as stay inside the region.
+    """Return shares at which the fewest equal parts of a leg (2, 2) begin that stay in the region.
 
-    Only 0 if the leg itself leaves the region.
+    Only 0 if no such parts are found.
     """
     parts = 2
     while parts <= _MAX_PARTS:

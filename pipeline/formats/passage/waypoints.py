@@ -1,4 +1,4 @@
-"""A route as a navigator uses it: few waypoints, each leg's course, speed and limits; and texts."""
+"""A route for a navigator: few waypoints, with course, speed and limits of each leg, and texts."""
 
 import itertools
 import re
@@ -189,10 +189,10 @@ def _described(
     radius = float(ranked.route.speeds.max()) / case.vessel.turn_rate
     turns = turning_radii(legs, corridor, min(radius, _MAX_RADIUS_M / float(true.max())))
     line, ends = legs.chain
-    found = steps_along_legs(line, ranked)
-    time = cumulative(found.true_s)[ends]
-    through_water = np.add.reduceat(found.through_water_m_s * found.planner_s, ends[:-1])
-    through_water /= np.add.reduceat(found.planner_s, ends[:-1])
+    steps = steps_along_legs(line, ranked)
+    time = cumulative(steps.true_s)[ends]
+    through_water = np.add.reduceat(steps.through_water_m_s * steps.planner_s, ends[:-1])
+    through_water /= np.add.reduceat(steps.planner_s, ends[:-1])
     length = legs.length_m
     nothing = np.array([np.nan])
     return Waypoints(
@@ -226,7 +226,7 @@ def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing)
     if route.speeds.max() <= _SAME_SPEED * route.speeds.min():
         return lonlat
     projection = drawing.projection
-    found = [lonlat[:1]]
+    parts = [lonlat[:1]]
     for begin, end in itertools.pairwise(lonlat):
         drawn = tracks(begin[None], end[None], drawing.curve, projection, drawing.error_m)
         evenly = np.linspace(0.0, 1.0, _PLACES + 1)
@@ -235,8 +235,8 @@ def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing)
         middles = (places[:-1] + places[1:]) / 2
         speeds = speeds_along(middles, np.asarray(route.path, dtype=float), route.speeds)
         shares = np.array(_changes(speeds)) / _PLACES
-        found += [_at_shares(drawn.lonlat, drawn.xy, shares), end[None]]
-    return np.concatenate(found)
+        parts += [_at_shares(drawn.lonlat, drawn.xy, shares), end[None]]
+    return np.concatenate(parts)
 
 
 def _changes(speeds: FloatArray) -> list[int]:
@@ -267,7 +267,7 @@ _TURN = np.array([360.0, 0.0])
 
 
 def document_title(case: RunCase) -> str:
-    """Return the title of a case's file: the scenario's and the case's, and a stand-in."""
+    """Return the title of a case's file, with the period of a current that stands in."""
     scenario, period = case.scenario, case.period_text
     used = f", in the current of {period}" if case.is_stand_in and period else ""
     return f"{scenario.title or scenario.name}: {case.title}{used}"
@@ -286,11 +286,11 @@ def vessel_name(scenario: Scenario) -> str:
 def route_name(ranked: RankedRoute) -> str:
     """Return the name of a route in a plotter's list: "Palawan summer 01 west", sorted by rank.
 
-    The scenario's name, the season, the rank, and how the route passes the main island.
+    The scenario's name, the case, the rank, and how the route passes the main island.
     """
     digits = len(str(len(ranked.case.routes)))
     words = re.split(r"[-_\s]+", ranked.case.scenario.name)
-    # After the season's own name the word "season" says nothing.
+    # Beside the case's own name the word "season" says nothing.
     place = " ".join(word for word in words if word.lower() != "season")
     rank = f"{ranked.rank:0{digits}d}"
     parts = (capitalised(place), ranked.case.name, rank, ranked.label or ranked.metrics.main_side)
@@ -304,8 +304,8 @@ def attribution(result: RunResult) -> str:
 
 def limits_text(ranked: RankedRoute) -> str:
     """Say how a route is not safe, what is not known and what was decided, in one line."""
-    found = "; ".join(note_texts(route_caveats(ranked)))
-    return f"{capitalised(found)}." if found else ""
+    caveats = "; ".join(note_texts(route_caveats(ranked)))
+    return f"{capitalised(caveats)}." if caveats else ""
 
 
 def waypoint_names(places: FloatArray, via: FloatArray) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from pipeline.model import RouteKey, Water
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
 _MIN_STEPS = 2e5
-# Number of steps in a series' range; more are not needed, as a fifth digit is never shown.
+# Number of steps in the range of a series: the page never shows a fifth digit.
 _SERIES_STEPS = 50_000
 
 # Number of cells along each side of the chart, at whose corners positions are given: between them
@@ -358,10 +358,10 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
 
 def _turns(ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 2) where hard-over turns begin: all harmful ones, some of the harmless."""
-    found = ranked.case.measures.turns[ranked.rank - 1]
-    harmless = found.points[~found.collided]
+    turns = ranked.case.measures.turns[ranked.rank - 1]
+    harmless = turns.points[~turns.collided]
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
-    return harmless[::step], found.points[found.collided]
+    return harmless[::step], turns.points[turns.collided]
 
 
 def _current(case: RunCase, lattice: Lattice) -> dict[str, object] | None:

@@ -6,29 +6,47 @@ the scripts replace them by the interactive one.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from markupsafe import Markup
 
-from pipeline.findings import text
+from pipeline._types import FloatArray
+from pipeline.findings import choices, text
+from pipeline.findings.haven_rows import HavenRow, haven_rows
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import MAX_STRAITS, RunCase, RunResult, addressed
+from pipeline.findings.result import MAX_STRAITS, RankedRoute, RunCase, RunResult, addressed
 from pipeline.findings.text import environment
-from pipeline.formats.figures.map_marks import has_arrows, speed_labels, speed_limits
-from pipeline.formats.palette import style_colours
+from pipeline.formats import appearance
+from pipeline.formats.figures.chart_map import page_svg
+from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limits
+from pipeline.formats.figures.plots import (
+    departure_figure,
+    fan_figure,
+    profile_figure,
+    trade_off_figure,
+)
+from pipeline.formats.figures.season_map import case_svg
 from pipeline.formats.records import versions
-from pipeline.formats.report import assets
-from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
-from pipeline.formats.report.season import case_section
+from pipeline.formats.report.map_data import (
+    coarser,
+    json_for_script,
+    map_data,
+    place_on_map,
+    within,
+)
+from pipeline.formats.report.sentences import CaseFacts
+from pipeline.formats.tables import haven_facts, haven_texts, tightest_text
 from pipeline.geo.projection import position_text
-from pipeline.model import Credit, CurrentGrid
+from pipeline.model import Credit, CurrentGrid, RouteMetrics
+from renew import Rejected
 
 Notice = tuple[str, tuple[tuple[str, str], ...]]
-"""What a reader must know of the answer: a title, and items that are each about a season."""
+"""A notice beside the answer: a title, and items, each with the title of a case and a text."""
 _FILTERS = (
     *("number", "fuel", "hours", "days", "percent", "share", "plain"),
     "capitalised",
@@ -59,11 +77,11 @@ def render(report: dict[str, Any]) -> str:
             result.water, result.water.projection.to_plane(np.array([strait.lon, strait.lat]))
         ),
         versions=versions(),
-        **style_colours(),
+        **appearance.style_colours(),
         # Files of this package, without text from elsewhere.
-        script=Markup(assets.script()),  # noqa: S704 - our own
-        script_hash=assets.content_hash(assets.script()),
-        leaflet_style=Markup(assets.leaflet_style()),  # noqa: S704 - our own
+        script=Markup(appearance.script()),  # noqa: S704 - our own
+        script_hash=appearance.content_hash(appearance.script()),
+        leaflet_style=Markup(appearance.leaflet_style()),  # noqa: S704 - our own
     )
 
 
@@ -81,6 +99,7 @@ def gather(result: RunResult) -> dict[str, Any]:
     On the routes in `lacking`, current or depths are not known everywhere.
     """
     limits = speed_limits(result)
+    has_current = any(len(arrows(case)[0]) for case in result.cases)
     # Decisions and unknown facts have parts of their own.
     shown = {*result.decisions, *result.unknowns}
     crossed = [
@@ -102,7 +121,7 @@ def gather(result: RunResult) -> dict[str, Any]:
         ],
         "has_crossings": bool(crossed),
         "seasons": [case_section(case) for case in result.cases],
-        "speed_labels": speed_labels(limits) if has_arrows(result) else (),
+        "speed_labels": speed_labels(limits) if has_current else (),
         # JSON without characters that could end its element.
         "map_json": Markup(json_for_script(map_data(result, limits))),  # noqa: S704 - our own
         # The interactive map's width to its height, so that the chart fills it.
@@ -176,7 +195,7 @@ def _crossed(case: RunCase) -> str:
 
 
 def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
-    """Return each case's best route, followed by the published routes of its season.
+    """Return each case's best route, followed by the published routes for it.
 
     `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
     `clearance_m` true metres; unknown figures are None.
@@ -184,42 +203,294 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
     published = result.scenario.published
     if published is None:
         return ()
-    rows = []
-    titles = {case.name: case.title for case in result.cases}
+    rows: list[dict[str, Any]] = []
     for case in result.cases:
-        for ranked in case.routes[:1]:
-            metrics = ranked.metrics
-            rows.append(
-                {
-                    "season": case.title,
-                    "planner": "This run",
-                    "is_ours": True,
-                    "scale": result.scenario.scale,
-                    "way": metrics.main_passage,
-                    "fuel_per_distance": metrics.fuel_per_distance,
-                    "fuel": metrics.fuel,
-                    "length": metrics.length,
-                    "length_m": metrics.length_m,
-                    "clearance_m": metrics.clearance_m,
-                }
-            )
         rows += [
             {
-                "season": titles.get(row.season, row.season),
+                "season": case.title,
+                "planner": "This run",
+                "is_ours": True,
+                "scale": result.scenario.scale,
+                "way": m.main_passage,
+                "fuel_per_distance": m.fuel_per_distance,
+                "fuel": m.fuel,
+                "length": m.length,
+                "length_m": m.length_m,
+                "clearance_m": m.clearance_m,
+            }
+            for m in case.measures.routes[:1]
+        ]
+        rows += [
+            {
+                "season": row.season and case.title,
                 "planner": row.label,
                 "is_ours": False,
                 "scale": published.scale,
                 "way": row.side,
-                # F/D as published, or from fuel and length.
-                "fuel_per_distance": row.fuel / row.length
-                if row.fuel_per_distance is None and row.fuel is not None and row.length is not None
-                else row.fuel_per_distance,
+                # As published, or else from fuel and length.
+                "fuel_per_distance": row.fuel_per_distance
+                or (row.fuel / row.length if row.fuel and row.length else None),
                 "fuel": row.fuel,
                 "length": row.length,
-                "length_m": None if row.length is None else row.length * published.scale,
-                "clearance_m": None if row.clearance is None else row.clearance * published.scale,
+                "length_m": row.length and row.length * published.scale,
+                "clearance_m": row.clearance and row.clearance * published.scale,
             }
             for row in published.rows
             if row.season == case.name or (not row.season and not case.number)
         ]
     return tuple(rows)
+
+
+# Longer side of a card's picture, in its own units.
+_SIDE = 100.0
+# Size of the smallest details, as a share of that side.
+_DETAIL = 0.006
+# Maximum number of vertices of the picture's land.
+_MAX_VERTICES = 900
+
+
+def case_section(case: RunCase) -> dict[str, Any]:
+    """Gather what the templates show of a case; `rows` are empty if `failure` gives a reason.
+
+    `passage` is departure and arrival of the best route, empty if no departure is given. `said`
+    tells why to take this route; `padding` is a sentence on its tightest place, and `profile` a
+    plot of it. `thumbnail` and `picture` are static maps. `choices` are when to leave and how fast
+    to go, if that was to be chosen; `speeds` are then the best route's lowest and highest, m/s.
+    """
+    result, ranked = case.run, case.routes
+    title, anchor = case.title, f"season-{case.number + 1}"
+    metrics = [r.metrics for r in ranked]
+    label = f"{title}: {_map_label(metrics, result.fetched.land.no_go_name)}"
+    passage = result.scenario.passage(case.name, round(metrics[0].duration_s)) if ranked else ()
+    said = case_facts(case)
+    rival = said.rival if said else None
+    found = choices.trade_off(case)
+    return {
+        "title": title,
+        "anchor": anchor,
+        "failure": case.result.failure,
+        "current": _current(case),
+        "valid": case.valid_text,
+        "passage": [text.moment_text(moment) for moment in passage or ()],
+        "said": said,
+        "best": said and said.best,
+        "remarks": _remarks(ranked[0]) if ranked else (),
+        "rows": _rows(ranked),
+        "gap_figure": case.gap_figure,
+        "current_text": case.current_text,
+        "rejected": _rejected(case),
+        "thumbnail": {
+            **thumbnail(result, [r for r in ranked if r.metrics in (metrics[0], rival)]),
+            "label": label,
+        },
+        "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
+        "padding": tightest_text(ranked[0]) if ranked else "",
+        "profile": _profile(ranked[0], title, anchor) if ranked else "",
+        "havens": haven_section(case),
+        "choices": list(_choices(case, found)),
+        "speeds": found and (found.slowest, found.fastest),
+    }
+
+
+def _choices(
+    case: RunCase, found: choices.SpeedTradeOff | None
+) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
+    """Yield title, sentences and plot of each choice: way kept, departure, speed, and side."""
+    anchor, ensemble = f"season-{case.number + 1}", case.result.ensemble
+    if case.result.replanned is not None:
+        yield "Planned again under way", choices.replanned_text(case.result.replanned), Markup()
+    if (choice := case.departure_choice) is not None:
+        said = choices.departure_text(choice)
+        plot = page_svg(departure_figure(choice), identity=f"{anchor}-departure", label=said[0])
+        yield "When to leave", said, plot
+    if found is not None:
+        said, figure = choices.trade_off_text(found), trade_off_figure(found)
+        plot = page_svg(figure, identity=f"{anchor}-trade-off", label=" ".join(said))
+        yield "How fast", said, plot
+    if ensemble is not None and case.routes:
+        said, figure = choices.ensemble_text(case), fan_figure(ensemble, case.routes)
+        yield "How sure", said, page_svg(figure, identity=f"{anchor}-fans", label=said[0])
+
+
+def case_facts(case: RunCase) -> CaseFacts | None:
+    """Gather the facts for a case's sentences; None without a route."""
+    if not case.routes:
+        return None
+    speeds = np.hypot(*arrows(case)[1].T)
+    return CaseFacts(
+        [one.metrics for one in case.routes],
+        float(speeds.mean()) if len(speeds) else 0.0,
+        case.measures.gap_shares,
+        case.measures.clock_worth,
+        case.side_bound,
+        case.lacks_current,
+    )
+
+
+def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
+    """Plot the best route's profile."""
+    m = best.metrics
+    return page_svg(
+        profile_figure(best),
+        identity=f"{anchor}-profile",
+        label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
+        f"ground, current along the course, and distance to {m.no_go_name}, at least "
+        f"{text.clearance(m.clearance_m)}",
+    )
+
+
+def _map_label(metrics: list[RouteMetrics], no_go: str) -> str:
+    """Describe a map for a screen reader."""
+    if not metrics:
+        return f"{no_go} and currents; no route was found"
+    way = f", {metrics[0].way}," if metrics[0].way else ""
+    return (
+        f"the best route{way} of {text.distance(metrics[0].length_m)} and "
+        f"{len(metrics) - 1} other routes among {no_go} and currents"
+    )
+
+
+def _current(case: RunCase) -> str:
+    """Return the name of the source of a case's current."""
+    if case.grid is not None:
+        return case.grid.credit.name
+    return "none found" if case.planned is None else "given in the scenario"
+
+
+def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
+    """Return the rows of a case's table: each route's fuel as shares of other fuels.
+
+    `excess` is above the best route's fuel; `bar_percent` is the length of its bar, 100 for the
+    greatest. `of_still` is a share of the fuel that this way takes in still water, `of_shortest`
+    one of the fuel of the shortest way.
+    """
+    excesses = [one.metrics.fuel / routes[0].metrics.fuel - 1 for one in routes]
+    largest = max(map(abs, excesses), default=0.0)
+    shortest = min(routes, key=lambda one: one.metrics.length_m, default=None)
+    return [
+        {
+            "metrics": one.metrics,
+            "excess": excess,
+            "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
+            "of_still": one.metrics.fuel_per_distance / choices.still_fuel_per_metre(one),
+            "of_shortest": one.metrics.fuel / shortest.metrics.fuel,
+        }
+        for one, excess in zip(routes, excesses, strict=True)
+        if shortest
+    ]
+
+
+def _rejected(case: RunCase) -> list[dict[str, Any]]:
+    """Group the rejected classes by reason, in order of first appearance.
+
+    Each group has the least fuel of any class without padding, and a place for the map, or "".
+    """
+    groups: dict[str, list[Rejected]] = {}
+    for rejected in case.plan.rejected if case.plan else ():
+        groups.setdefault(case.rejection_reason(rejected), []).append(rejected)
+    return [
+        {
+            "reason": reason,
+            "homotopies": [r.homotopy for r in group],
+            "unpadded_fuel": min(r.unpadded_fuel for r in group),
+            # The middle of the places that the reason names.
+            "place": place_on_map(case.run.water, np.mean(named, axis=0))
+            if (named := group[0].text.places)
+            else "",
+        }
+        for reason, group in groups.items()
+    ]
+
+
+def _remarks(best: RankedRoute) -> tuple[str, ...]:
+    """Return warnings about the best route: its start and goal, and areas that it passes."""
+    remarks = []
+    ends = [
+        name
+        for name, inside in (
+            ("start", best.route.starts_in_soft_no_go),
+            ("goal", best.route.ends_in_soft_no_go),
+        )
+        if inside
+    ]
+    if ends:
+        remarks.append(
+            f"The {' and the '.join(ends)} lie{'s' if len(ends) == 1 else ''} in the soft no-go "
+            "zone, as harbours do; planning simulates no hard-over turn around there."
+        )
+    if best.metrics.land_m > 0:
+        remarks.append(
+            f"The route crosses {text.distance(best.metrics.land_m)} of "
+            f"{best.metrics.no_go_name}, the most at "
+            f"{position_text(best.metrics.land_lon, best.metrics.land_lat)}."
+        )
+    path = shapely.LineString(best.route.path)
+    crossed = dict.fromkeys(
+        (text.zone_text(zone), zone.kind == "shut")
+        for zone, area in best.case.run.open_zones
+        if area.intersects(path)
+    )
+    for is_shut, kinds in (
+        (False, "restricted areas or traffic schemes"),
+        (True, "areas at hours when they are not shut"),
+    ):
+        names = [name for name, is_area in crossed if is_area == is_shut]
+        if names:
+            remarks.append(f"The route runs through {kinds}: {'; '.join(names)}.")
+    return tuple(remarks)
+
+
+def thumbnail(result: RunResult, shown: Sequence[RankedRoute]) -> dict[str, Any]:
+    """Return the sizes, outlines and places of a small map: the best route, and its rival."""
+    extent = result.water.chart.extent
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
+    side = max(xmax - xmin, ymax - ymin)
+    scale = _SIDE / side
+
+    def placed(points: FloatArray) -> FloatArray:
+        return np.round((points - [xmin, ymax]) * [scale, -scale], 1)
+
+    def outline(line: shapely.LineString) -> str:
+        points = placed(shapely.get_coordinates(line))
+        return f"{_line(points[:-1])}Z" if isinstance(line, shapely.LinearRing) else _line(points)
+
+    land = within(np.array(result.water.land, dtype=object), extent)
+    land = coarser(land, _DETAIL * side, _MAX_VERTICES)
+    return {
+        "width": scale * (xmax - xmin),
+        "height": scale * (ymax - ymin),
+        "sea": outline(extent.exterior),
+        "shore": "".join(map(outline, shapely.get_rings(shapely.get_parts(land)))),
+        "ways": [
+            outline(shapely.simplify(shapely.LineString(one.route.path), _DETAIL * side / 2))
+            for one in shown
+        ],
+        "start": placed(result.stops[0]),
+        "goal": placed(result.stops[-1]),
+    }
+
+
+def _line(points: FloatArray) -> str:
+    """Return points (n, 2) as the data of a path."""
+    return "M" + "L".join(f"{x:g} {y:g}" for x, y in points)
+
+
+def haven_section(case: RunCase) -> dict[str, Any] | None:
+    """Return the sentences and rows of a case's havens; None without havens."""
+    if case.coverage is None:
+        return None
+    return {
+        "sentences": [one for one in haven_facts(case) if one],
+        "rows": [_haven_row(case, row) for row in haven_rows(case)],
+    }
+
+
+def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
+    """Return a row of the table as text; `place` is where the vessel turns off, for a button."""
+    way, water = row.way, case.run.water
+    place = None if way is None else water.projection.to_plane(way.place)
+    return {
+        **haven_texts(row, case.spec.departure),
+        "way": way,
+        "place": "" if place is None else place_on_map(water, place),
+    }

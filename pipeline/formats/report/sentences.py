@@ -139,10 +139,12 @@ class CaseFacts:
 
     def verdict(self) -> tuple[str, ...]:
         """Explain why the best route was chosen, how sure that is, and how safe it is."""
-        best, others = self.best, self.routes[1:]
-        sentences = [self._comparison(self.rival)] if self.rival else []
-        if not others:
-            sentences.append("No other class that was planned has a route.")
+        best, others, rival = self.best, self.routes[1:], self.rival
+        is_side = rival is not None and rival.main_passage != best.main_passage
+        name = f"The way {best.main_passage}" if is_side else "The best route"
+        sentences = [f"{name} is the one to take {self.because()}"]
+        if lead := self.lead():
+            sentences.append(f"{lead}.")
         if certain := self.certainty():
             sentences.append(certain)
         shorter = [r for r in others if r.length_m < best.length_m * (1 - _SAME_LENGTH)]
@@ -193,44 +195,6 @@ class CaseFacts:
             return f"it is as long as {self._rival_name(rival)}"
         side = "shorter" if less > 0 else "longer"
         return f"it is {text.distance(abs(less))} {side} than {self._rival_name(rival)}"
-
-    def _comparison(self, rival: RouteMetrics) -> str:
-        """Compare two routes: fuel, length, and the current's effect on each."""
-        best = self.best
-        other = self._rival_name(rival)
-        is_other_side = rival.main_passage != best.main_passage
-        name = f"The way {best.main_passage}" if is_other_side else "The best route"
-        more = rival.fuel / best.fuel - 1
-        if more >= 0:
-            needs = (
-                f"needs the least fuel: {other} (rank {rival.rank}) needs {text.percent(more)} more"
-            )
-        else:  # the sampled method chooses by the mean of each class
-            needs = (
-                f"was chosen over {other} (rank {rival.rank}) because its class needs the least "
-                f"fuel in the mean, although the other route needs {text.percent(-more)} less fuel"
-            )
-        longer = best.length_m - rival.length_m
-        if abs(longer) < _SAME_LENGTH * best.length_m:
-            length = "over the same distance"
-        elif longer > 0:
-            length = f"although it is {text.distance(longer)} shorter"
-        else:
-            length = f"and is {text.distance(-longer)} longer"
-        ours, theirs = text.speed_over_ground(best), text.speed_over_ground(rival)
-        if not (math.isfinite(ours) and math.isfinite(theirs)):
-            return f"{name} {needs}, {length}."
-        gains = _signed(_gain(best)), _signed(_gain(rival))
-        if self.lacks_current:
-            return f"{name} {needs}, {length}."
-        if f"{ours:.2f}" == f"{theirs:.2f}":
-            speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} m/s from the current)"
-        else:
-            speeds = (
-                f"the best averages {ours:.2f} m/s over ground ({gains[0]} m/s from the current), "
-                f"the other {theirs:.2f} m/s ({gains[1]} m/s)"
-            )
-        return f"{name} {needs}, {length}: {speeds}."
 
 
 def clock_text(worth: ClockWorth) -> str:

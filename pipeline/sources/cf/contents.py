@@ -34,7 +34,7 @@ from pipeline.sources.cf.dataset import check_values, fatal_files, groups_of, op
 if TYPE_CHECKING:
     import xarray as xr
 
-# Size of each unit of speed in m/s, and its spellings, without blanks, dots, carets and asterisks.
+# Units of speed: size in m/s, and spellings, without blanks, dots, carets and asterisks.
 _UNITS_M_S = {
     1.0: ("ms-1", "m/s", "meters-1", "metres-1", "metersecond-1", "metresecond-1", "meters/second"),
     0.01: ("cms-1", "cm/s", "centimeters-1", "centimetersecond-1"),
@@ -202,7 +202,7 @@ _WATER = r"\b(water|current)"
 # Words that mean waves, which are no current unless they are part of a sum.
 _WAVES = r"\b(wave|stokes|swell)"
 _SUM = r"(\b[uv]tot|\btot_|_tot|total|sum\b|includ|plus\b)|\+"
-# Words that are quoted to the reader.
+# A long name with one of these words is quoted in a note.
 _TOLD = rf"(?i){_NO_WATER}|{_WAVES}|{_SUM}|tid(e|al)|bottom|floor|averag|barotrop|anomal|ekman"
 _WITHOUT = re.compile(r"\b(without|no|not|excluding)\b[^,;()]*")
 # Words that mean moving water, or a part of its motion.
@@ -217,7 +217,7 @@ StepInFile: TypeAlias = tuple[Component, int]
 
 @dataclass(frozen=True)
 class Contents:
-    """Contents of files together: axes as they are in the files, both components, time steps.
+    """What files contain together: axes in the files' own order, both components, time steps.
 
     `lon` (nx,) and `lat` (ny,) are in degrees, ascending or descending. For each of the `steps`,
     `u` and `v` give the component in a file, and the step in that file.
@@ -275,7 +275,7 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
 
 
 def read_contents(files: tuple[Path, ...], index: tuple[str, int] | None = None) -> Contents:
-    """Read the contents of files that belong together; of a further dimension one index alone.
+    """Read the contents of files that belong together; `index` as in `read_component`.
 
     Raises
     ------
@@ -358,7 +358,7 @@ def _pairs(variables: set[_Variable]) -> Iterator[_Pair]:
     """Find pairs by their standard names and, of variables without one, by their names."""
     for names in (*_STANDARD_NAMES, ("", "")):
         u, v = ({name.lower(): (of, name) for of, name in variables if of == own} for own in names)
-        known = [(u[one], v[other]) for one, other in _VARIABLE_NAMES if one in u and other in v]
+        known = [(u[east], v[north]) for east, north in _VARIABLE_NAMES if east in u and north in v]
         if names[0] and len(u) == len(v) == 1:
             known = list(zip(u.values(), v.values(), strict=True))
         if names[0] and u and v and not known:

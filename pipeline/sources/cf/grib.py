@@ -1,9 +1,9 @@
 """GRIB files of currents, editions 1 and 2, as datasets by the CF conventions.
 
-By ecCodes itself and not by cfgrib (0.9.15), which is built on it: that knows variables by ECMWF's
-names, of which the WMO's current components have none, and makes one variable of both. It takes
-the first of several fields of one time without a word, and writes an index beside the file, a
-pickle, which it reads as well.
+They are read by ecCodes itself. cfgrib (0.9.15), which is built on it, is not used: it knows
+variables by ECMWF's names, of which the WMO's components of a current have none, and so makes one
+variable of both. If a time has several fields, it takes the first without a word. And it writes an
+index beside the file, a pickle, and reads it back.
 
 The source is the WMO's Manual on Codes (I.2: FM 92 GRIB). Programs for sailors write 49 and 50
 under any centre and version of table 2, and on several kinds of level.

@@ -141,7 +141,7 @@ def read_near(wkb: bytes, box: shapely.Polygon, least_deg: float = 0.0) -> NearP
 
 def _near(bounds: FloatArray, box: shapely.Polygon, least_deg: float) -> IntArray:
     """Return the indices of bounds (n, 4) that meet a box, and are not below `least_deg`."""
-    # Latitudes first: they leave few of the 745,676.
+    # By latitude first: this leaves few of the 745,676 polygons.
     _, south, _, north = box.bounds
     near = np.flatnonzero((bounds[:, 1] <= north) & (bounds[:, 3] >= south))
     near = near[shapes.meets_box(bounds[near], box)]

@@ -20,7 +20,8 @@ from typer.testing import CliRunner
 from pipeline.cli.failures import exit_code_of, reported_errors
 from pipeline.cli.main import app
 from tests.commands import PYTHON, ended
-from tests.pipeline.processes import QUICK, ROOT, SLOW, renew, started
+from tests.conftest import ROOT
+from tests.pipeline.processes import QUICK, SLOW, renew, started
 from tests.pipeline.small_region import small_region
 
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pyproj
 import pytest
 import shapely
 
@@ -28,8 +27,8 @@ from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import rows_of, with_rows
+from tests.true_scale import GEOD
 
-GEOD = pyproj.Geod(ellps="WGS84")
 MARGIN_M, TOLERANCE_M = 60.0, 60.0
 STILL = {"name": "still", "valid": "2024-07", "currents": ["still"]}
 # A vessel that turns in 0.6 km, and one that turns on the spot.
@@ -177,8 +176,8 @@ def planned_around(island: shapely.Polygon, speed: float) -> tuple[list[renew.Ro
         for rank, route in enumerate(plan.routes, start=1)
     )
     result = CaseResult("gyre", plan, "", 0.0, measures=Measures(rows))
-    names = way_names(water, [result], ())
-    bound = side_bound(case, names.name(result), names.islands[0], like.scenario.planner)
+    (named,), (main, *_), _ = way_names(water, [result], ())
+    bound = side_bound(case, named, main, like.scenario.planner)
     assert bound is not None
     return list(plan.routes), bound
 

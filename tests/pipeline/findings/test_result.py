@@ -6,7 +6,6 @@ import dataclasses
 from dataclasses import replace
 
 import numpy as np
-import pyproj
 import pytest
 import shapely
 
@@ -26,6 +25,7 @@ from pipeline.scenario.region import ChartSpec
 from pipeline.stages.measure import shore_crossings
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import rows_of, with_measures, with_rows
+from tests.true_scale import GEOD
 
 NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
 
@@ -173,11 +173,10 @@ def test_each_crossing_is_where_and_as_long_as_on_earth(scale: float) -> None:
     clear = projection.to_plane([(23.5, 36.2), (24.5, 36.2)])
     path = projection.to_plane([(23.5, 36.55), (24.5, 36.55), (24.5, 37.55), (23.5, 37.55)])
     south, north = shore_crossings(water, [clear, path])
-    geod = pyproj.Geod(ellps="WGS84")
     for found, lat, east in ((south, 36.55, 24.1), (north, 37.55, 24.2)):
         assert found.rank == 2
         assert (found.lon, found.lat) == pytest.approx(((24.0 + east) / 2, lat), abs=2e-3)
-        length_m = geod.inv(24.0, lat, east, lat)[2]
+        length_m = GEOD.inv(24.0, lat, east, lat)[2]
         assert found.length_m == pytest.approx(length_m, rel=2e-3)
     assert shore_crossings(plain, [path]) == ()
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import gpxpy
 import numpy as np
 import pyogrio
-import pyproj
 import pytest
 import shapely
 from hypothesis import assume, example, given, strategies as st
@@ -25,7 +24,7 @@ from pipeline._types import FloatArray
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.route_profile import (
     RouteProfile,
-    coast_index,
+    coast_edges,
     legs,
     metres_along,
     route_profile,
@@ -48,8 +47,7 @@ from tests.pipeline import chosen_speeds, tidal_run
 from tests.pipeline.formats import oracles, runs, small_run
 from tests.pipeline.results import with_case, with_measures, with_water
 from tests.strategies import examples
-
-GEOD = pyproj.Geod(ellps="WGS84")
+from tests.true_scale import GEOD
 
 
 def evaluated(result: RunResult) -> RunResult:
@@ -220,10 +218,10 @@ def test_a_repeated_vertex_is_one(planar_result: RunResult) -> None:
 
 
 def test_the_coast_is_indexed_once_for_all_routes(result: RunResult) -> None:
-    coast_index.cache_clear()
+    coast_edges.cache_clear()
     for ranked in result.routes:
         route_profile(ranked)
-    assert coast_index.cache_info().misses == 1
+    assert coast_edges.cache_info().misses == 1
 
 
 def test_land_with_a_lake_counts_its_inner_shore(planar_result: RunResult) -> None:
@@ -320,7 +318,7 @@ def speeds_in_files(result: RunResult, season: str, folder: Path) -> dict[str, F
         ],
         ".geojson": [one["speed_over_ground_m_s"] for one in own if one["feature"] == "waypoint"],
         ".gpkg": legs.speed_over_ground_m_s,
-        "passage plan": [float(row.speed_kn.split(" ")[0]) / KNOTS_PER_M_S for row in plan[1:]],
+        "passage plan": [float(row["speed_kn"].split(" ")[0]) / KNOTS_PER_M_S for row in plan[1:]],
     }
     found[".geojson"] = found[".geojson"][:-1]
     return {name: np.array(speeds, dtype=float) for name, speeds in found.items()}
@@ -346,9 +344,7 @@ def test_no_file_asks_for_more_than_the_vessel_can_sail(any_run: RunResult, tmp_
     season = any_run.results[0].name
     points = case_waypoints(any_run.case(season))[0]
     quickest = oracles.quickest_s(points, any_run)
-    length = np.array(
-        [oracles.GEOD.line_length(line[:, 0], line[:, 1]) for line in oracles.drawn(points)]
-    )
+    length = np.array([GEOD.line_length(line[:, 0], line[:, 1]) for line in oracles.drawn(points)])
     for name, speeds in speeds_in_files(any_run, season, tmp_path).items():
         # Half a unit of the last place: hundredths of a knot on paper, else thousandths of m/s.
         rounding = 0.005 / KNOTS_PER_M_S if name == "passage plan" else 5e-4

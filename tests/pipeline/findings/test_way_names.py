@@ -12,15 +12,14 @@ import numpy.typing as npt
 import pytest
 import shapely
 from hypothesis import given, strategies as st
-from pyproj import Geod
 
 import renew
-from pipeline.findings.islands import islands
-from pipeline.findings.way_names import class_names_text, way_names
+from pipeline.findings.way_names import class_names_text, islands, way_names
 from pipeline.geo.projection import Projection
 from pipeline.model import Case, CaseResult, Measures, PlaceName, RouteMetrics, Water
 from pipeline.model.result import NumberedIsland
 from tests.strategies import examples
+from tests.true_scale import GEOD
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
 EXTENT = shapely.box(-500, -500, 500, 500)
@@ -62,9 +61,9 @@ class Named(NamedTuple):
 
 def named(case: Case, *results: CaseResult, places: tuple[PlaceName, ...] = ()) -> Named:
     """Name the ways of some results."""
-    names = way_names(case.water, results, places)
-    rows = tuple(row for one in results for row in names.name(one).measures.routes)
-    return Named(rows, names.islands, names.class_islands)
+    named, islands, class_islands = way_names(case.water, results, places)
+    rows = tuple(row for one in named for row in one.measures.routes)
+    return Named(rows, islands, class_islands)
 
 
 def _north_of(row: RouteMetrics) -> set[int]:
@@ -141,7 +140,7 @@ def test_the_charts_own_names_take_the_place_of_numbers() -> None:
     far = re.fullmatch(r".* N, ([\d,.]+) km from Far", named_place.place)
     assert far, named_place.place
     lon, lat = scene.projection.to_lonlat(np.array([named_place.x, named_place.y])).tolist()
-    away_m = Geod(ellps="WGS84").inv(lon, lat, elsewhere.lon, elsewhere.lat)[2]
+    away_m = GEOD.inv(lon, lat, elsewhere.lon, elsewhere.lat)[2]
     assert float(far[1].replace(",", "")) == pytest.approx(away_m / 1000, rel=0.01)
 
 

@@ -16,9 +16,6 @@ from pipeline.findings.result import RunResult
 from pipeline.model import CurrentGrid
 from pipeline.stages.project import planar_current
 
-ROOT = Path(__file__).resolve().parents[3]
-
-
 _MEDIUM = 2  # compliance_checker's weights: 3 is high, 2 medium, 1 low
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pyproj
 import shapely
 
 from pipeline._types import FloatArray
 from pipeline.findings.result import RunResult
 from pipeline.formats.passage.waypoints import Waypoints
+from tests.true_scale import GEOD
 
-GEOD = pyproj.Geod(ellps="WGS84")
 _E = np.sqrt(GEOD.es)
 
 

@@ -183,18 +183,18 @@ def parts(*, planar: bool = False) -> RunResult:
             for rank, (route, found) in enumerate(zip(plan.routes, turns, strict=True), start=1)
         )
         results.append(CaseResult(case.name, plan, "", 1.5, measures=Measures(rows, turns)))
-    names = way_names(cases[0].water, results, ())
+    named, islands, class_islands = way_names(cases[0].water, results, ())
     return RunResult(
         scenario=asked,
         fetched=got,
         simplified=simplified,
         water=cases[0].water,
         planned={case.name: case for case in cases},
-        results=tuple(map(names.name, results)),
+        results=named,
         timings={"fetch": 0.25, "plan": 1.0},
         created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
-        islands=names.islands,
-        class_islands=names.class_islands,
+        islands=islands,
+        class_islands=class_islands,
     )
 
 

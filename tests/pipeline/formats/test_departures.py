@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.tables import write_departures_csv, write_scenario
+from pipeline.formats.tables import write_scenario, write_table
 from pipeline.model import DepartureChoice
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
@@ -45,7 +45,7 @@ def result() -> RunResult:
 
 
 def test_each_departure_has_a_row_and_the_best_its_proof(result: RunResult, tmp_path: Path) -> None:
-    write_departures_csv(result, tmp_path / "departures.csv")
+    write_table(result, tmp_path / "departures.csv")
     with (tmp_path / "departures.csv").open(newline="", encoding="utf-8") as file:
         first, second, none = csv.DictReader(file)
     best = rows_of(result)[0]

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 from datetime import datetime
 from pathlib import Path
 
-from pipeline.findings.columns import COLUMNS, figure_columns
+from pipeline.findings.names import COLUMNS, figure_columns
 from pipeline.findings.result import RunResult
 from pipeline.formats.tables import write_metrics
 from pipeline.model import RouteMetrics

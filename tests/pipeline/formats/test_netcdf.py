@@ -14,7 +14,6 @@ from typing import Any
 
 import netCDF4
 import numpy as np
-import pyproj
 import pytest
 import shapely
 import xarray as xr
@@ -27,9 +26,9 @@ from pipeline.geo.projection import Projection
 from pipeline.model import CurrentGrid
 from pipeline.stages.project import extent_polygon
 from pipeline.write import formats_of
+from tests.conftest import ROOT
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.currents_files import (
-    ROOT,
     along_routes,
     faults,
     in_file,
@@ -45,6 +44,7 @@ from tests.pipeline.formats.gis.cases import (
     renamed,
 )
 from tests.pipeline.results import with_case, with_water
+from tests.true_scale import GEOD
 
 
 @pytest.fixture
@@ -135,11 +135,11 @@ def test_north_that_turns_in_the_plane_hardly_matters(
 
 def sailed(file: xr.Dataset, result: RunResult, path: np.ndarray) -> np.ndarray:
     """Speed over ground (n - 1,) on each leg of a path, integrated through the file's current."""
-    geod, through_water = pyproj.Geod(ellps="WGS84"), result.cases[0].case.vessel.speed
+    through_water = result.cases[0].case.vessel.speed
     speeds = []
     for begin, end in pairwise(path):
         ends = result.water.projection.to_lonlat(np.linspace(begin, end, 401))
-        azimuth, _, length = geod.inv(*ends[:-1].T, *ends[1:].T)
+        azimuth, _, length = GEOD.inv(*ends[:-1].T, *ends[1:].T)
         course = np.radians(azimuth)
         ahead = np.stack([np.sin(course), np.cos(course)], axis=-1)
         current = in_file(file, (ends[:-1] + ends[1:]) / 2)

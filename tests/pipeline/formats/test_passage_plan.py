@@ -61,19 +61,19 @@ def test_rows_are_the_waypoints(name: str) -> None:
     result = getattr(runs, name)()
     points = case_waypoints(result.case(runs.SEASON))[0]
     found = rows(points, DEPARTURE)
-    assert [found[0].name, found[-1].name] == ["Start", "Goal"]
-    at = np.array([[degrees(row.longitude), degrees(row.latitude)] for row in found])
+    assert [found[0]["name"], found[-1]["name"]] == ["Start", "Goal"]
+    at = np.array([[degrees(row["longitude"]), degrees(row["latitude"])] for row in found])
     apart = at - points.lonlat
     apart[:, 0] = (apart[:, 0] + 180) % 360 - 180
     assert np.abs(apart).max() < 1e-5, "a thousandth of a minute"
-    miles = [float(row.leg_nm) for row in found[1:]]
+    miles = [float(row["leg_nm"]) for row in found[1:]]
     assert miles == pytest.approx(points.length_m[:-1] / 1852, abs=0.006)
-    assert float(found[0].to_go_nm) == pytest.approx(sum(miles), abs=0.1)
-    assert found[-1].to_go_nm == "0.0"
-    assert [float(row.course) for row in found[1:]] == pytest.approx(
+    assert float(found[0]["to_go_nm"]) == pytest.approx(sum(miles), abs=0.1)
+    assert found[-1]["to_go_nm"] == "0.0"
+    assert [float(row["course"]) for row in found[1:]] == pytest.approx(
         points.course_deg[:-1] % 360, abs=0.06
     )
-    passed = [datetime.strptime(f"{row.passed} +0000", "%Y-%m-%d %H:%M %z") for row in found]
+    passed = [datetime.strptime(f"{row['passed']} +0000", "%Y-%m-%d %H:%M %z") for row in found]
     assert passed[0] == DEPARTURE
     seconds = [(one - DEPARTURE).total_seconds() for one in passed]
     assert seconds == pytest.approx(points.time_s, abs=61)
@@ -92,7 +92,7 @@ def test_each_leg_is_as_clear_of_land_as_it_says(name: str) -> None:
         line = oracles.in_plane(result, leg)
         gap = shapely.get_coordinates(shapely.shortest_line(line, land))
         true_m = result.water.projection.geodesic_length_m(gap)
-        figure, unit = row.clearance.split()
+        figure, unit = row["clearance"].split()
         stated_m = float(figure) * (1852 if unit == "NM" else 1)
         assert stated_m <= true_m * 1.001
         assert stated_m == pytest.approx(true_m, rel=0.02, abs=20)
@@ -102,7 +102,7 @@ def test_a_following_current_is_given_with_its_direction() -> None:
     """In summer it sets to the east at 0.2 to 0.4 m/s, which is 0.4 to 0.8 kn."""
     result = small_run.parts()
     for row in rows(case_waypoints(result.case("summer"))[0], None)[1:]:
-        to, knots = row.current.split()
+        to, knots = row["current"].split()
         assert 60 <= int(to) <= 120
         assert 0.38 <= float(knots) <= 0.8
 

@@ -22,9 +22,9 @@ from pipeline.findings.choices import (
 )
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
-from pipeline.formats.figures.choice_plots import trade_off_figure
+from pipeline.formats.figures.plots import trade_off_figure
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.tables import write_scenario, write_trade_off_csv
+from pipeline.formats.tables import write_scenario, write_table
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
 from pipeline.write import formats_of
@@ -47,7 +47,7 @@ def found(result: RunResult) -> SpeedTradeOff:
 
 
 def test_the_files_hold_the_curve_and_the_chosen_arrival(result: RunResult, tmp_path: Path) -> None:
-    write_trade_off_csv(result, tmp_path / "trade-off.csv")
+    write_table(result, tmp_path / "trade-off.csv")
     with (tmp_path / "trade-off.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert {row["season"] for row in rows} == {"chosen"}

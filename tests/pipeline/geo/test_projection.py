@@ -23,8 +23,8 @@ from pipeline.geo.projection import (
     rotated,
     share_without,
 )
+from tests.true_scale import GEOD
 
-GEOD = pyproj.Geod(ellps="WGS84")
 # Every row of the module's table, both hemispheres, 70 N, across 180 degrees, and a pole.
 REGIONS = {
     "palawan": (115.5, 7.0, 122.0, 13.5),

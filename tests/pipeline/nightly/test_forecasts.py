@@ -11,7 +11,7 @@ import pytest
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.findings.ensembles import ENSEMBLE_FIGURES, ensemble_figures, side_shares
+from pipeline.findings.choices import ENSEMBLE_FIGURES, ensemble_figures, side_shares
 from pipeline.machine.store import load_artefact
 from pipeline.nightly.cases import expand
 from pipeline.nightly.config import NightConfig, load_config

@@ -25,8 +25,7 @@ from tests.pipeline.nightly.killed_nights import (
 )
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
 from tests.pipeline.processes import started, wait_until
-from tests.robustness.disk import has_strace
-from tests.robustness.power_cuts import Cuts
+from tests.robustness.power_cuts import Cuts, has_strace
 
 SEED = 20_261_122
 # Number of kills of the slow test: of ten, six meet the main process, three a worker, one the

@@ -18,7 +18,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.choices import departure_text
 from pipeline.findings.note_words import note_json, note_text
 from pipeline.findings.text import exact_moment_text
-from pipeline.formats.figures.choice_plots import departure_figure
+from pipeline.formats.figures.plots import departure_figure
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note

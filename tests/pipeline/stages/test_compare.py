@@ -8,7 +8,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
-import pyproj
 import pytest
 import shapely
 
@@ -30,6 +29,7 @@ from tests.pipeline.results import with_result
 from tests.pipeline.tidal_run import planned, run, tide
 from tests.renew.planner.test_hindrances import STRAIT, tide as tide_of_the_strait
 from tests.strategies import PAPER_VESSEL
+from tests.true_scale import GEOD
 
 
 def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
@@ -63,7 +63,6 @@ def test_routes_over_weak_constants_are_told_with_their_share() -> None:
 # --- Straits on the way are found with their widths, and named if the current's grid is too coarse.
 
 
-GEOD = pyproj.Geod(ellps="WGS84")
 # Two islands from the south to the north of the region, a mile apart; and the margin of its chart.
 SOUTH = shapely.box(119.045, 9.501, 119.055, 9.522)
 NORTH = shapely.box(119.045, 9.539, 119.055, 9.559)

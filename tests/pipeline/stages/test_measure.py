@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pyproj
 import pytest
 import shapely
 from hypothesis import given, strategies as st
@@ -35,9 +34,8 @@ from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import with_measures
 from tests.pipeline.tidal_run import planned as tidal_run
-from tests.true_scale import clearance_m
+from tests.true_scale import GEOD, clearance_m
 
-GEOD = pyproj.Geod(ellps="WGS84")
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
 REGION = shapely.box(115.5, 7, 122, 13.5)
 SCALE = 1000.0

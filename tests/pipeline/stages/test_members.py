@@ -12,7 +12,7 @@ import pytest
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.findings.ensembles import ensemble_text
+from pipeline.findings.choices import ensemble_text
 from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
 from pipeline.run import run

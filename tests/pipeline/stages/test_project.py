@@ -22,8 +22,8 @@ from pipeline.sources.land.shapes import box_around
 from pipeline.stages.project import extent_polygon, planar_current, project, water_of
 from tests.pipeline.formats import small_run
 from tests.pipeline.synthetic_currents import coastal, sea
+from tests.true_scale import GEOD
 
-GEOD = pyproj.Geod(ellps="WGS84")
 PALAWAN = shapely.box(115.5, 7, 122, 13.5)
 
 

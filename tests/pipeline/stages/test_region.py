@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyproj
 import pytest
 import shapely
 from shapely import Polygon, box
@@ -29,11 +28,11 @@ from pipeline.stages.region import (
 )
 from pipeline.stages.water_grid import DirectLine
 from tests.pipeline.synthetic_currents import dataset, sea, write
+from tests.true_scale import GEOD
 
 BOUNDS = (10.0, 50.0, 12.0, 51.0)
 WORLD = (-180.0, -89.0, 360.0, 89.0)
 MARGIN_M = 20_000.0
-GEOD = pyproj.Geod(ellps="WGS84")
 
 
 def near(*places: tuple[float, float]) -> list[str]:

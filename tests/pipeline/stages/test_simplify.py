@@ -7,7 +7,6 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-import pyproj
 import pytest
 import shapely
 from hypothesis import assume, given, settings, strategies as st
@@ -24,6 +23,7 @@ from pipeline.stages.simplify import (
     simplify_land,
 )
 from tests.pipeline.archipelagos import EXAMPLES, EXTENT, PLANE, REGION, archipelagos, blob
+from tests.true_scale import GEOD
 
 
 def _planar(result: SimplifiedLand) -> Geometries:
@@ -254,9 +254,8 @@ def test_the_margin_is_in_true_metres_at_70_degrees() -> None:
     result = simplify_land([island], region, margin_m=2_000.0, tolerance_m=0.0)
     edge = shapely.segmentize(shapely.union_all(result.polygons).boundary, 0.001)
     shore = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.01))
-    geod = pyproj.Geod(ellps="WGS84")
     apart = [
-        geod.inv(*np.broadcast_to(at, shore.shape).T, *shore.T)[2].min()
+        GEOD.inv(*np.broadcast_to(at, shore.shape).T, *shore.T)[2].min()
         for at in shapely.get_coordinates(edge)[::20]
     ]
     assert 2_000.0 <= min(apart) < 2_105.0

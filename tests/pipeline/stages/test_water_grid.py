@@ -7,7 +7,6 @@ import math
 
 import networkx as nx
 import numpy as np
-import pyproj
 import pytest
 import shapely
 from hypothesis import given, settings, strategies as st
@@ -26,6 +25,7 @@ from pipeline.stages.water_grid import (
     widened_by,
 )
 from tests.strategies import examples
+from tests.true_scale import GEOD
 
 SHAPE = (7, 9)
 EVERYWHERE = (-180.0, -90.0, 360.0, 90.0)
@@ -151,7 +151,6 @@ def test_an_island_is_one_piece_and_a_continent_leaves_the_grid() -> None:
 
 
 WORLD = (-180.0, -89.0, 360.0, 89.0)
-GEOD = pyproj.Geod(ellps="WGS84")
 
 
 def mask(*land: shapely.Polygon) -> LandMask:

@@ -24,7 +24,7 @@ from pipeline.findings.note_words import note_texts
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from tests.commands import ended
-from tests.pipeline.processes import ROOT
+from tests.conftest import ROOT
 from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics, write_tide

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import shapely
 from hypothesis import given, settings
-from shapely import Polygon, box
+from shapely import box
 
 import renew
 from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
-from renew.classes.dual_graph import dual_graph, visits
+from renew.classes.dual_graph import visits
 from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import (
     RayColumns,
@@ -35,7 +35,15 @@ from renew.classes.triangulation import Triangulation, triangulate
 from renew.inputs.options import Order
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
-from tests.strategies import StreamFunctionCurrent, examples, seeds, single_gyre, voyage_on
+from tests.oracles import dual_graph
+from tests.strategies import (
+    StreamFunctionCurrent,
+    chart_of,
+    examples,
+    seeds,
+    single_gyre,
+    voyage_on,
+)
 
 
 def scene(seed: int) -> Voyage:
@@ -199,10 +207,6 @@ def test_the_number_of_classes_is_that_of_simple_paths(seed: int) -> None:
 
 
 LAKE = box(20, 20, 80, 80).difference(box(40, 40, 60, 60))
-
-
-def chart_of(islands: list[Polygon]) -> renew.Chart:
-    return renew.Chart(box(0, 0, 100, 100), islands)
 
 
 def enumerator_on(

@@ -27,6 +27,7 @@ from tests.strategies import (
     PAPER_VESSEL,
     SIZE,
     Scene,
+    chart_of,
     random_islands,
     random_scene,
     seeds,
@@ -62,10 +63,6 @@ CHARTS = {
     "a channel of a micrometre": [box(10, 10, 50, 90), box(50 + 1e-6, 10, 90, 90)],
     "on one circle": [shapely.Point(50, 50).buffer(30, quad_segs=16)],
 }
-
-
-def chart_of(islands: list[Polygon]) -> renew.Chart:
-    return renew.Chart(box(0, 0, 100, 100), islands)
 
 
 # --- the definition ---------------------------------------------------------------------------

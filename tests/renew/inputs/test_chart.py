@@ -9,10 +9,7 @@ import shapely
 from shapely import Polygon, box
 
 import renew
-
-
-def chart_of(islands: list[Polygon]) -> renew.Chart:
-    return renew.Chart(box(0, 0, 100, 100), islands)
+from tests.strategies import chart_of
 
 
 def test_all_bad_geometry_is_named() -> None:

@@ -24,7 +24,7 @@ def test_gridded_current_is_bilinear(seed: int) -> None:
     for component, values in enumerate((u, v)):
         oracle = RegularGridInterpolator((y, x), values)(points[:, ::-1])
         assert current(points)[:, component] == pytest.approx(oracle, abs=1e-12)
-    assert current.max_speed((0, 0, 1, 1)) >= np.linalg.norm(current(points), axis=1).max()
+    assert current.table((0, 0, 1, 1)).strongest >= np.linalg.norm(current(points), axis=1).max()
     beyond = np.array([[x[-1] + 7, y[0] - 9]])
     assert current(beyond)[0] == pytest.approx([u[0, -1], v[0, -1]])
 

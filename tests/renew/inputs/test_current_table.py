@@ -190,4 +190,4 @@ def test_a_field_with_a_step_has_no_fine_table() -> None:
 
 def test_the_strongest_current_of_the_gyre_is_its_amplitude() -> None:
     chart, gyre = single_gyre().parts[:2]
-    assert gyre.table(chart.bounds).strongest == pytest.approx(gyre.max_speed(chart.bounds))
+    assert gyre.table(chart.bounds).strongest == pytest.approx(gyre.amplitude)

@@ -14,8 +14,9 @@ from shapely import box
 
 import renew
 from renew.inputs.current import TabulatedCurrent
-from renew.turns.contingency import TurnsBegun, fly_turns, perturbations, stations
+from renew.turns.contingency import fly_turns, perturbations, stations
 from renew.turns.turn_reach import MAX_DEVIATIONS, turn_reach
+from tests.renew.turns.test_turn_reach import begun
 from tests.strategies import PAPER_VESSEL, SIZE, STILL, StreamFunctionCurrent, random_scene, seeds
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
@@ -35,11 +36,8 @@ def test_turns_in_a_table_are_the_turns_in_its_field(seed: int) -> None:
         def __call__(self, points: np.ndarray) -> np.ndarray:
             return TabulatedCurrent(table)(points)
 
-    begun = TurnsBegun(
-        points, course, np.zeros(len(points)), np.full(len(points), PAPER_VESSEL.speed)
-    )
     one, other = (
-        fly_turns(begun, field, PAPER_VESSEL, deviations)
+        fly_turns(begun(points, course), field, PAPER_VESSEL, deviations)
         for field in (TabulatedCurrent(table), NotTabulated())
     )
     assert one == pytest.approx(other, abs=1e-9)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from renew._types import FloatArray
 from renew.inputs.current import CurrentStatistics, TabulatedCurrent
 from renew.turns.contingency import TurnsBegun, fly_turns
 from renew.turns.turn_reach import (
@@ -24,6 +25,11 @@ from renew.turns.turn_reach import (
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, angles, seeds, speeds
 
 NORTH = np.array([0.0, 1.0])
+
+
+def begun(points: FloatArray, course: FloatArray) -> TurnsBegun:
+    """Turns of the paper's vessel that begin at points (n, 2) on courses (n,), at time 0."""
+    return TurnsBegun(points, course, np.zeros(len(points)), np.ones(len(points)))
 
 
 @pytest.mark.parametrize(
@@ -141,10 +147,7 @@ def test_no_turn_gets_further_than_its_bound(seed: int) -> None:
     table = StreamFunctionCurrent(seed, 0.9).table((0.0, 0.0, SIZE, SIZE))
     points, course = rng.uniform(0, SIZE, (100, 2)), rng.uniform(-math.pi, math.pi, 100)
     deviations = MAX_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
-    begun = TurnsBegun(
-        points, course, np.zeros(len(points)), np.full(len(points), PAPER_VESSEL.speed)
-    )
-    tracks = fly_turns(begun, TabulatedCurrent(table), PAPER_VESSEL, deviations)
+    tracks = fly_turns(begun(points, course), TabulatedCurrent(table), PAPER_VESSEL, deviations)
     furthest = np.linalg.norm(tracks - points[:, None, None], axis=-1).max(axis=(1, 2))
     reach = TurnReach.of(table, PAPER_VESSEL)(points)
     assert (furthest <= reach).all()

@@ -12,11 +12,12 @@ import renew
 from renew._types import FloatArray
 from renew.inputs.current import as_field
 from renew.inputs.options import RiskAt
-from renew.turns.contingency import TurnsBegun, fly_turns, stations
+from renew.turns.contingency import fly_turns, stations
 from renew.turns.padding_model import PaddedEdges
 from renew.turns.turn_reach import MAX_DEVIATIONS, TurnReach
 from renew.turns.verification import colliding_edges
 from renew.voyage.voyage import Voyage
+from tests.renew.turns.test_turn_reach import begun
 from tests.strategies import (
     PAPER_VESSEL,
     SIZE,
@@ -62,10 +63,9 @@ def test_it_finds_the_edges_that_flying_every_turn_finds(seed: int) -> None:
     points, course = stations(path, 0.6 * PAPER_VESSEL.turning_radius)
     corners = [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
     deviations = MAX_DEVIATIONS * np.array([corners], dtype=float)
-    begun = TurnsBegun(
-        points, course, np.zeros(len(points)), np.full(len(points), PAPER_VESSEL.speed)
+    turns = fly_turns(
+        begun(points, course), voyage.waters.quick_current, PAPER_VESSEL, deviations, steps=24
     )
-    turns = fly_turns(begun, voyage.waters.quick_current, PAPER_VESSEL, deviations, steps=24)
     tracks = shapely.linestrings(turns.reshape(-1, *turns.shape[2:]))
     edges = shapely.linestrings(np.stack([padded.start, padded.end], axis=1))
     tree = shapely.STRtree(tracks)

@@ -30,10 +30,6 @@ ISLAND = Polygon([(90, 20), (110, 20), (110, 40), (90, 40)])
 """Midway: both sides are as far."""
 
 
-def gyre_plan(**options: Any) -> renew.Plan:  # noqa: ANN401
-    return single_gyre().plan(**options)
-
-
 def on_the_way(route: renew.Route, share: float) -> tuple[FloatArray, float, float]:
     """Where the vessel is (2,), m, when, s, and on which heading (rad), at a share of a track."""
     time, x, y, heading = route.trajectory[int(share * len(route.trajectory))]
@@ -224,7 +220,7 @@ def test_without_a_haven_in_reach_there_is_no_way_and_with_a_way_none_is_planned
     lost = shut_ahead(haven("beyond", 180, 30), haven("on the island", 100, 30))
     assert (lost.answer, lost.plan, lost.turn_offs) == ("no way", None, ())
     assert len(lost.havens_left_out) == 2
-    plan = gyre_plan()
+    plan = single_gyre().plan()
     kept = renew.replan(plan, plan.best.path[0], 0.0, havens=[haven("near", 20, 20)])
     assert (kept.answer, kept.turn_offs, kept.havens_left_out) == ("kept", (), ())
     with pytest.raises(renew.ParameterError, match=r"havens\[0\]"):
@@ -289,7 +285,7 @@ def test_from_any_heading_the_track_is_one_that_the_vessel_can_sail(seed: int) -
 
 def test_via_points_that_are_passed_are_not_passed_again() -> None:
     via = [(10.0, 60.0), (60.0, 90.0)]
-    plan = gyre_plan(via=via)
+    plan = single_gyre().plan(via=via)
     line = shapely.LineString(plan.best.path)
     share = (line.project(shapely.Point(via[0])) + 5.0) / line.length
     at = np.array(line.interpolate(share, normalized=True).coords[0])
@@ -351,19 +347,19 @@ def test_what_cannot_be_is_refused_with_what_it_is_off_by(
 ) -> None:
     asked: dict[str, Any] = {"at": (50.0, 50.0), "time": 50.0, **given}
     with pytest.raises(renew.PlanningError) as raised:
-        renew.replan(gyre_plan(classes=1), **asked)
+        renew.replan(single_gyre().plan(classes=1), **asked)
     assert message in str(raised.value)
 
 
 def test_plans_that_cannot_be_planned_again_say_why() -> None:
-    plan = gyre_plan(classes=1)
+    plan = single_gyre().plan(classes=1)
     read = pickle.loads(pickle.dumps(plan))  # noqa: S301 - its own
     with pytest.raises(renew.ParameterError, match="a plan that was pickled has lost its current"):
         renew.replan(read, (50.0, 50.0), 50.0)
     kept = replace(read, voyage=plan.voyage)
     assert renew.replan(kept, plan.best.path[5], float(plan.best.times[5])).answer == "kept"
     with pytest.raises(renew.ParameterError, match="previous chose speeds"):
-        renew.replan(gyre_plan(classes=1, speed=(0.9, 1.1)), (50.0, 50.0), 50.0)
+        renew.replan(single_gyre().plan(classes=1, speed=(0.9, 1.1)), (50.0, 50.0), 50.0)
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def test_neither_a_table_nor_an_optimizer_needs_less(seed: int, exponent: float)
         deadline,
         SPEEDS,
         exponent,
-        scene.drift == "crab",
+        scene.drift,
     )
     axis = np.linspace(0, SIZE, 25)
     nodes = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)

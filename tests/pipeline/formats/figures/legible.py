@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex
 from matplotlib.image import imread
 from matplotlib.text import Text
 
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.appearance import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,7 +12,6 @@ from typing import get_args
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-import pyproj
 import pytest
 import shapely
 from hypothesis import given, strategies as st
@@ -23,9 +22,11 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from pipeline.findings.result import RunResult
+from pipeline.formats.appearance import COLOURS, DARK, season_colour
 from pipeline.formats.figures.chart_map import side_room_pt
 from pipeline.formats.figures.kinds import WIDTHS_PT, Kind, Width, figure
 from pipeline.formats.figures.map_marks import (
+    arrow_outlines,
     arrows,
     graticule,
     nice_step,
@@ -33,10 +34,10 @@ from pipeline.formats.figures.map_marks import (
     speed_limits,
 )
 from pipeline.formats.figures.season_map import case_svg, overview_figure
-from pipeline.formats.palette import COLOURS, DARK, season_colour
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.figures.legible import assert_texts_apart, ink_at_the_edge, is_land
+from tests.true_scale import GEOD
 
 
 @given(st.floats(1e-9, 1e9))
@@ -109,30 +110,32 @@ def test_the_scale_bar_is_true(latitude: float, scale: float) -> None:
     middle = np.array([(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2])
     half = np.array([length / 2, 0])
     ends = projection.to_lonlat(np.stack([middle - half, middle + half]))
-    *_, measured = pyproj.Geod(ellps="WGS84").inv(*ends[0], *ends[1])
+    *_, measured = GEOD.inv(*ends[0], *ends[1])
     assert measured == pytest.approx(length_m, rel=2e-3)
     assert 0.1 < length / (bounds[2] - bounds[0]) <= 0.3
 
 
 def test_arrows_are_on_water_and_show_the_planners_current(result: RunResult) -> None:
-    found = arrows(result.case("summer"))
+    case = result.case("summer")
+    places, velocity = arrows(case)
     land = shapely.union_all(result.water.land)
-    assert len(found.positions) > 150
-    assert not shapely.intersects_xy(land, found.positions).any()
-    assert found.velocity == pytest.approx(result.case("summer").case.current(found.positions))
+    assert len(places) > 150
+    assert not shapely.intersects_xy(land, places).any()
+    assert velocity == pytest.approx(result.case("summer").case.current(places))
     limits = speed_limits(result)
-    assert found.speed.max() <= limits[-1]
-    for outline, low, high in zip(found.outlines(limits), (0.0, *limits), limits, strict=False):
-        inside = (found.speed > low) & (found.speed <= high)
+    assert np.hypot(*velocity.T).max() <= limits[-1]
+    for outline, low, high in zip(
+        arrow_outlines(case, limits), (0.0, *limits), limits, strict=False
+    ):
+        inside = (np.hypot(*velocity.T) > low) & (np.hypot(*velocity.T) <= high)
         assert len(shapely.get_parts(outline)) == inside.sum()
 
 
 def test_an_arrow_points_along_the_current(result: RunResult) -> None:
-    found = arrows(result.case("winter"))
-    whole = found.outlines((10.0,))[0]
-    for arrow, position, velocity in zip(
-        shapely.get_parts(whole), found.positions, found.velocity, strict=True
-    ):
+    case = result.case("winter")
+    places, velocities = arrows(case)
+    whole = arrow_outlines(case, (10.0,))[0]
+    for arrow, position, velocity in zip(shapely.get_parts(whole), places, velocities, strict=True):
         corners = shapely.get_coordinates(arrow)
         tip = corners[np.argmax((corners - position) @ velocity)]
         ahead = (tip - position) / np.linalg.norm(tip - position)

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from matplotlib.patches import StepPatch
 from matplotlib.text import Text
 
-import renew
 from pipeline._types import FloatArray
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import route_profile
+from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures.chart_map import page_svg
-from pipeline.formats.figures.plots import padding_figure, profile_figure, tightest_place
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.figures.plots import profile_figure
 from tests.pipeline.results import with_case, with_water
 
 if TYPE_CHECKING:
@@ -137,55 +135,6 @@ def test_a_crossing_of_land_is_drawn_at_the_panels_foot(planar_result: RunResult
     assert line[:, 1].min() == clearance.get_ylim()[0]
 
 
-def bars(axes: Axes) -> list[tuple[FloatArray, FloatArray]]:
-    """Heights (n,) and edges (n + 1,) of each histogram."""
-    return [patch.get_data()[:2] for patch in axes.findobj(StepPatch)]
-
-
-def tight(
-    padding: float, gap: float, reaches: FloatArray, turns: float | None = None
-) -> renew.Tightest:
-    """A tightest place with given values."""
-    edge = np.array([[0.0, gap], [1.0, gap]])
-    turns = padding if turns is None else turns
-    return renew.Tightest(np.zeros(2), edge, 0.0, padding, turns, gap, reaches)
-
-
-def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:
-    reaches = np.linspace(1.0, 3.0, 401)
-    (axes,) = padding_figure(tight(2.901, 3.2, reaches), 1000.0).axes
-    (values, edges), (_, beyond) = bars(axes)
-    assert values.sum() == pytest.approx(100)
-    assert (edges[0], edges[-1]) == pytest.approx((1.0, 3.0))
-    assert beyond.min() == pytest.approx(2.901)
-    for role, place in (("ink", 2.0), ("other", 2.901), ("best", 3.2)):
-        (line,) = drawn(axes, role)
-        assert line[:, 0] == pytest.approx(place)
-    text = text_of(axes)
-    assert "median 2.00 km" in text
-    assert "padding for turns 2.90 km, exceeded by 5.0 %" in text
-    assert "route to no-go zone 3.20 km" in text
-
-
-def test_an_offing_is_not_taken_for_what_turns_need() -> None:
-    reaches = np.linspace(1.0, 3.0, 401)
-    (axes,) = padding_figure(tight(700.0, 800.0, reaches, turns=2.901), 1.0).axes
-    assert "padding for turns 2.90 m, exceeded by 5.0 %" in text_of(axes)
-    assert "700" not in text_of(axes)
-
-
-def test_a_distant_coast_is_only_written_so_that_bars_stay_readable() -> None:
-    (axes,) = padding_figure(tight(2.9, 50.0, np.linspace(1.0, 3.0, 401)), 1.0).axes
-    assert drawn(axes, "best") == []
-    assert axes.get_xlim()[1] < 4
-    assert "route to no-go zone 50.0 m \N{RIGHTWARDS ARROW}" in text_of(axes)
-
-
-def test_turns_of_equal_reach_are_one_bar() -> None:
-    (axes,) = padding_figure(tight(2.0, 2.5, np.full(256, 2.0)), 1.0).axes
-    assert bars(axes)[0][0].max() == 100
-
-
 def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunResult) -> None:
     ranked = result.routes[0]
     svg = page_svg(profile_figure(ranked), identity="one", label=HOSTILE)
@@ -201,25 +150,3 @@ def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunRe
     assert len(svg) < 120_000
     again = profile_figure(ranked)
     assert page_svg(again, identity="one", label=HOSTILE) == svg
-
-
-def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -> None:
-    ranked = result.routes[0]
-    tightest = renew.tightest(ranked.route, ranked.case.case.current, ranked.case.case.vessel)
-    assert tightest is not None
-    (axes,) = padding_figure(tightest, result.scenario.scale).axes
-    (line,) = drawn(axes, "other")
-    assert line[:, 0] == pytest.approx(tightest.padding * result.scenario.scale / 1000)
-    # The (1 - risk)-quantile, and a margin for the sampling error.
-    assert (tightest.reaches > tightest.padding).mean() < result.scenario.planner.risk
-    svgs = {
-        page_svg(padding_figure(tightest, 1000.0), identity="p", label=HOSTILE) for _ in range(2)
-    }
-    assert [ET.fromstring(svg).get("aria-label") for svg in svgs] == [HOSTILE]  # noqa: S314
-
-
-def test_without_padding_there_is_no_histogram(planar_result: RunResult) -> None:
-    ranked = planar_result.routes[0]
-    bare = replace(ranked, route=replace(ranked.route, padding_used=np.empty((0, 5))))
-    assert tightest_place(bare) is None
-    assert page_svg(None, identity="p", label="") == ""

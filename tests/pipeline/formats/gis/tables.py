@@ -9,13 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import geopandas
-import pyproj
 
 from pipeline.findings.result import RunResult
 from pipeline.model import CaseResult
-
-GEOD = pyproj.Geod(ellps="WGS84")
-
 
 # Layers with features in the small run, with their types of geometry.
 LAYERS = {

@@ -185,14 +185,3 @@ def test_a_line_that_ends_at_180_degrees_stays_whole() -> None:
 def test_a_line_along_180_degrees_stays_whole() -> None:
     (part,) = split_at_antimeridian(np.array([[180.0, 1.0], [180.0, 2.0]]))
     assert part.tolist() == [[-180.0, 1.0], [-180.0, 2.0]]
-
-
-def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
-    content = written(any_run, tmp_path / "a.geojson")
-    for credit in any_run.credits:
-        assert credit.text in content["credits"]
-
-
-def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="nowhere"):
-        write_geojson(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.geojson")

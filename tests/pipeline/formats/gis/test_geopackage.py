@@ -22,7 +22,6 @@ from pipeline.model import RouteMetrics, ShoreCrossing, Zone
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
 from tests.pipeline.formats.gis.tables import (
-    GEOD,
     LAYERS,
     ROUTE_COLUMNS,
     layer,
@@ -30,6 +29,7 @@ from tests.pipeline.formats.gis.tables import (
     without_routes,
 )
 from tests.pipeline.results import rows_of, with_measures, with_rows
+from tests.true_scale import GEOD
 from tests.validators import geopackage_faults
 
 

@@ -16,8 +16,8 @@ import pytest
 from matplotlib.image import imread
 
 from pipeline.findings.result import RunResult
+from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.palette import COLOURS, season_colour
 from pipeline.stages.places import unsimplified
 from tests.commands import ran
 from tests.pipeline.formats.gis.cases import badly_named, moved_east

@@ -20,11 +20,10 @@ from lxml import etree
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.gis import frames
+from pipeline.formats.appearance import COLOURS
+from pipeline.formats.gis import layers
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.qgis import inert, literal, map_crs, rendered, view
-from pipeline.formats.gis.styles import qml, style
-from pipeline.formats.palette import COLOURS
+from pipeline.formats.gis.styles import inert, literal, map_crs, qml, rendered, style, view
 from pipeline.geo.projection import Projection
 from pipeline.texts import clean
 from tests.pipeline.formats import small_run
@@ -115,18 +114,22 @@ def test_across_180_degrees_the_map_is_in_continuous_longitudes(result: RunResul
 
 def test_dense_currents_are_thinned_on_a_map_of_the_whole(result: RunResult) -> None:
     """By the points' indices in the grid, so that the rest is a coarser grid."""
-    coarse = view(result)
-    seasons = tuple(
-        replace(s, spacing_m=s.spacing_m / 20, step_deg=(0.01, 0.00875)) for s in coarse.cases
+    grids = (
+        replace(
+            grid,
+            lon=np.linspace(grid.lon[0], grid.lon[-1], 161),
+            lat=np.linspace(grid.lat[0], grid.lat[-1], 161),
+        )
+        for grid in result.fetched.currents
     )
-    dense = replace(coarse, cases=seasons)
+    dense = replace(result, fetched=replace(result.fetched, currents=tuple(grids)))
     plain, thinned = (
         [
             rule["condition"]
-            for group in style("currents", one)["rules"]
+            for group in style("currents", view(one))["rules"]
             for rule in group["children"]
         ]
-        for one in (coarse, dense)
+        for one in (result, dense)
     )
     assert len(plain) == len(thinned) > 1
     assert not any("@map_scale" in condition for condition in plain)
@@ -171,13 +174,13 @@ def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path
 
 def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(result: RunResult) -> None:
     kinds = {"LineString": "line", "Point": "marker", "MultiPolygon": "fill"}
-    for layer, about in frames.LAYERS.items():
+    for layer, about in layers.LAYERS.items():
         root = etree.fromstring(qml(layer, view(result), ()).encode())
         renderer = root.find("renderer-v2")
         symbols = {s.get("name"): s.get("type") for s in renderer.iter("symbol")}
         used = [rule.get("symbol") for rule in leaves(renderer)]
         assert sorted(used) == sorted(symbols)
-        assert set(symbols.values()) == {kinds[about.geometry_type]}
+        assert set(symbols.values()) == {kinds[about["geometry_type"]]}
         keys = [rule.get("key") for rule in renderer.iter("rule")]
         assert len(keys) == len(set(keys))
 

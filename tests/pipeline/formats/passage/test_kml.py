@@ -15,7 +15,7 @@ import shapely
 from lxml import etree
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.palette import season_colour
+from pipeline.formats.appearance import season_colour
 from pipeline.formats.passage.routes import write_kml
 from pipeline.formats.passage.waypoints import both_sides
 from tests.pipeline.formats import oracles, runs, small_run
@@ -116,9 +116,3 @@ def test_nothing_is_asked_of_the_network(any_run: RunResult, tmp_path: Path) -> 
     root = written(any_run, path)
     assert not texts(root, "href")
     assert not texts(root, "NetworkLink")
-
-
-def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
-    (description, *_) = texts(written(any_run, tmp_path / "a.kml"), "description")
-    for credit in any_run.credits:
-        assert credit.text in description

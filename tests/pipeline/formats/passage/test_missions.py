@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyproj
 import pytest
 import shapely
 from pymavlink import mavutil, mavwp
@@ -20,6 +19,7 @@ from pipeline.formats.passage.missions import KEPT_SHARE, autopilot, write_missi
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
 from tests.pipeline.formats import runs, small_run
+from tests.true_scale import GEOD
 
 LINK = mavutil.mavlink
 
@@ -115,7 +115,6 @@ def test_both_missions_are_the_same(any_run: RunResult, tmp_path: Path) -> None:
         assert ours["params"] == pytest.approx([*params, theirs.x, theirs.y, theirs.z], abs=2e-7)
 
 
-GEOD = pyproj.Geod(ellps="WGS84")
 # ArduPilot Rover's storage on a Pixhawk, bytes, in three areas each for fences and rally points
 # (StorageManager.cpp), and what each part takes (AC_PolyFence_loader.cpp, RallyLocation).
 FENCE_BYTES, HEADER, END, POLYGON, VERTEX = 160 + 256 + 256, 4, 1, 2, 8

@@ -89,10 +89,6 @@ def test_a_file_is_valid_only_as_its_own_version(tmp_path: Path) -> None:
             assert all(rtz_faults(root, other))
 
 
-def test_the_default_version_is_1_1(tmp_path: Path) -> None:
-    assert written(runs.across_180(), tmp_path / "a.rtz").get("version") == "1.1"
-
-
 def test_the_file_has_what_checkers_look_for(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.results[0].name
     root = written(any_run, tmp_path / "some-season.rtz", season)
@@ -185,16 +181,6 @@ def test_with_a_departure_times_are_in_utc(tmp_path: Path) -> None:
         assert time.tzinfo == UTC
         assert (time - DEPARTURE).total_seconds() == pytest.approx(seconds, abs=1)
         assert element.get("etd") is None
-
-
-def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.results[0].name
-    for version in VERSIONS:
-        path = tmp_path / "a.rtz"
-        root = written(any_run, path, season, version=version)
-        (credits_,) = root.iter("{urn:renew:provenance:1}credits")
-        for credit in any_run.credits:
-            assert credit.text in credits_.text
 
 
 def test_what_is_not_known_is_in_the_file(tmp_path: Path) -> None:

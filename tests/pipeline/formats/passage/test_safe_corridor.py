@@ -29,6 +29,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Case, Water
 from tests.pipeline.formats import oracles, runs
 from tests.strategies import PAPER_VESSEL
+from tests.true_scale import GEOD
 
 latitudes = st.floats(-70, 70)
 offsets = st.floats(-6, 6)
@@ -49,7 +50,7 @@ def test_legs_are_drawn_within_their_error(
     points = shapely.points(projection.to_plane(draw(begin, end, 400)))
     # This close to its centre the plane is true to a thousandth; the oracle's table, to 0.1 m.
     assert shapely.distance(points, drawn.lines[0]).max() < 2.2
-    length = oracles.GEOD.line_length(*draw(begin, end, 400).T)
+    length = GEOD.line_length(*draw(begin, end, 400).T)
     assert drawn.length_m[0] == pytest.approx(length, rel=1e-5)
 
 
@@ -61,7 +62,7 @@ def test_a_loxodrome_keeps_its_course(latitude: float, east: float, north: float
     course = initial_course_deg(begin, end, "Loxodrome")[0]
     line = oracles.loxodrome(begin[0], end[0], 2000)
     for at in (0, 1000, 1998):
-        there = oracles.GEOD.inv(*line[at], *line[at + 1])[0]
+        there = GEOD.inv(*line[at], *line[at + 1])[0]
         assert abs((course - there + 180) % 360 - 180) < 0.02
 
 
@@ -71,7 +72,7 @@ def test_a_known_loxodrome() -> None:
     assert initial_course_deg(begin, end, "Loxodrome")[0] == pytest.approx(90.0)
     drawn = tracks(begin, end, "Loxodrome", Projection.at(5.0, 60.0), 0.1)
     sine = np.sin(np.radians(60))
-    parallel = oracles.GEOD.a * np.cos(np.radians(60)) / np.sqrt(1 - oracles.GEOD.es * sine**2)
+    parallel = GEOD.a * np.cos(np.radians(60)) / np.sqrt(1 - GEOD.es * sine**2)
     assert drawn.length_m[0] == pytest.approx(parallel * np.radians(10), rel=1e-6)
     assert np.abs(drawn.lonlat[:, 1] - 60).max() < 1e-9
 

@@ -51,6 +51,7 @@ WRITERS: dict[str, Callable[..., None]] = {
     "kml": write_kml,
     "plan": write_plan,
     "waypoints": write_mission,
+    "geojson": write_geojson,
 }
 # Files with room for words; a mission for ArduPilot's tools has none.
 SPEAKING = ("rtz", "gpx", "kml", "plan")
@@ -187,7 +188,9 @@ def test_kml(named: tuple[str, RunResult], tmp_path: Path) -> None:
     write_kml(result.case(runs.SEASON), path)
     root = etree.parse(path).getroot()
     schema().assertValid(root)
-    assert root[0][0].text.startswith(name)
+    title, description = (element.text for element in root[0][:2])
+    assert title.startswith(name)
+    assert description.count(name) == 2, "with the credits"
 
 
 @pytest.mark.gate_share(3)

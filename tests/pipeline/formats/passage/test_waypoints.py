@@ -22,6 +22,7 @@ from pipeline.formats.passage.waypoints import (
     waypoints,
 )
 from tests.pipeline.formats import oracles, runs
+from tests.true_scale import GEOD
 
 
 def every(result: RunResult) -> Iterator[Waypoints]:
@@ -167,9 +168,9 @@ def test_without_weight_of_clearance_no_chain_of_own_vertices_has_fewer_legs(
 def test_the_figures_of_legs_are_true(any_run: RunResult) -> None:
     for points in every(any_run):
         for leg, line in enumerate(oracles.drawn(points)):
-            length = oracles.GEOD.line_length(line[:, 0], line[:, 1])
+            length = GEOD.line_length(line[:, 0], line[:, 1])
             assert points.length_m[leg] == pytest.approx(length, rel=1e-6)
-            course = oracles.GEOD.inv(*line[0], *line[1])[0] % 360
+            course = GEOD.inv(*line[0], *line[1])[0] % 360
             apart = (points.course_deg[leg] - course + 180) % 360 - 180
             assert abs(apart) < 0.01
         passage = np.diff(points.time_s)
@@ -235,18 +236,18 @@ def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
         assert radius[0] == radius[-1] == 0
         taken = np.zeros((len(points.lonlat) - 1, 2))
         for at in np.flatnonzero(radius):
-            before = oracles.GEOD.inv(*points.lonlat[at], *points.lonlat[at - 1])
-            after = oracles.GEOD.inv(*points.lonlat[at], *points.lonlat[at + 1])
+            before = GEOD.inv(*points.lonlat[at], *points.lonlat[at - 1])
+            after = GEOD.inv(*points.lonlat[at], *points.lonlat[at + 1])
             inside = abs((after[0] - before[0] + 180) % 360 - 180) / 2
             tangent = radius[at] / np.tan(np.radians(inside))
             taken[at - 1, 1], taken[at, 0] = tangent, tangent
             bisector = before[0] + ((after[0] - before[0] + 180) % 360 - 180) / 2
             apart = radius[at] / np.sin(np.radians(inside))
             corner = points.lonlat[at]
-            *centre, _ = oracles.GEOD.fwd(corner[0], corner[1], bisector, apart)
+            *centre, _ = GEOD.fwd(corner[0], corner[1], bisector, apart)
             turn = np.linspace(-(90 - inside), 90 - inside, 30) + bisector + 180
             arc = np.column_stack(
-                oracles.GEOD.fwd(
+                GEOD.fwd(
                     np.full(30, centre[0]), np.full(30, centre[1]), turn, np.full(30, radius[at])
                 )[:2]
             )
@@ -262,11 +263,6 @@ def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
 def test_waypoints_are_computed_once_per_result() -> None:
     result = runs.across_180()
     assert case_waypoints(result.case(runs.SEASON)) is case_waypoints(result.case(runs.SEASON))
-
-
-def test_high_latitudes_get_orthodromes() -> None:
-    assert {p.curve for p in every(runs.far_north())} == {"Orthodrome"}
-    assert {p.curve for p in every(runs.long_way())} == {"Loxodrome"}
 
 
 def test_routes_of_a_planar_scenario_are_thinned_too(planar_result: RunResult) -> None:

@@ -10,19 +10,19 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pyproj
 import pytest
 import shapely
 from playwright.sync_api import Browser, Page
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.palette import COLOURS, season_colour
+from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.report import page as report_page
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import closest, drawn, pixels, season, written
 from tests.pipeline.formats.report.conftest import Reader
 from tests.pipeline.results import rows_of
+from tests.true_scale import GEOD
 
 HOSTILE = (
     "<script>alert(1)</script></script><!-- \N{ROCKET} \u202eevil\u202c \u2028 \x00" + "W" * 300
@@ -187,7 +187,7 @@ def lonlat(text: str) -> tuple[float, float]:
 
 
 def geodesic_m(ends: npt.NDArray[np.float64]) -> float:
-    return float(pyproj.Geod(ellps="WGS84").inv(*ends[0], *ends[1])[2])
+    return float(GEOD.inv(*ends[0], *ends[1])[2])
 
 
 def test_particles_drift_with_the_current(reader: Reader, file: Path) -> None:

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pyproj
 import pytest
 import roaring_landmask
 import shapely
@@ -21,6 +20,7 @@ from pipeline.sources.land import osm
 from pipeline.sources.land.osm import surroundings
 from pipeline.sources.land.shapes import box_around, buffered, repaired
 from tests.commands import PYTHON, ran
+from tests.true_scale import GEOD
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -374,9 +374,6 @@ def test_a_region_at_the_pole_has_surroundings() -> None:
 
 
 # --- Operations on chart geometries: repair, boxes and buffers in true metres ---
-
-
-GEOD = pyproj.Geod(ellps="WGS84")
 
 
 @pytest.mark.parametrize("latitude", [0.0, 60.0, 89.0])

@@ -26,9 +26,8 @@ from pipeline.sources.land import s57
 from pipeline.sources.land.s57 import Cell, Objects, S57Chart, base_files, read_cell
 from pipeline.sources.registry import land_source
 from tests.pipeline.results import rows_of
-from tests.true_scale import clearance_m
+from tests.true_scale import GEOD, clearance_m
 
-GEOD = pyproj.Geod(ellps="WGS84")
 BOSTON = shapely.box(-71.02, 42.305, -70.955, 42.37)
 RULE = DepthRule(2.0)
 # A synthetic harbour, a hundredth of a degree wide, at 1:10,000.

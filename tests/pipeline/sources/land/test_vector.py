@@ -23,8 +23,8 @@ from pipeline.sources.land.shapes import BEYOND_M
 from pipeline.sources.land.vector import VectorFile
 from pipeline.sources.registry import land_source
 from tests.pipeline.sources import mutations
+from tests.true_scale import GEOD
 
-GEOD = pyproj.Geod(ellps="WGS84")
 # Files of pyogrio's own tests: Natural Earth's countries, and curves.
 FIXTURES = Path(pyogrio.__file__).parent / "tests" / "fixtures"
 NATURAL_EARTH = FIXTURES / "naturalearth_lowres" / "naturalearth_lowres.shp"

@@ -1,4 +1,10 @@
-"""Colours of maps by role, of classes and of seasons."""
+"""How maps and pages look: colours by role, and the scripts and style sheets of pages."""
+
+import base64
+import hashlib
+import re
+from functools import cache
+from pathlib import Path
 
 COLOURS = {
     "water": "#eef4f8",
@@ -66,14 +72,14 @@ DARK = {
 """Role -> colour on a dark background."""
 
 SEASON_COLOURS = ("#d55e00", "#4a148c", "#111111", "#4f7fd0", "#7e0000", "#006666")
-"""Colours of seasons on a light background, in the order of the scenario's seasons."""
+"""Colours of cases on a light background, in the scenario's order."""
 
 SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000", "#ff3399")
-"""Colours of the seasons on a dark background, one for each of `SEASON_COLOURS`."""
+"""Colours of cases on a dark background, one for each of `SEASON_COLOURS`."""
 
 
 def season_colour(index: int) -> str:
-    """Return the colour of the scenario's season `index`, from 0; colours repeat if need be."""
+    """Return the colour of the case `index`, from 0; colours repeat if need be."""
     return SEASON_COLOURS[index % len(SEASON_COLOURS)]
 
 
@@ -85,3 +91,43 @@ def style_colours() -> dict[str, object]:
         "seasons_on_light": SEASON_COLOURS,
         "seasons_on_dark": SEASON_COLOURS_ON_DARK,
     }
+
+
+_REPORT = Path(__file__).parent / "report"
+_LEAFLET = _REPORT / "vendor" / "leaflet"
+# In the order of their dependencies.
+_SCRIPTS = (
+    *("data", "text", "units", "currents", "particles", "probe"),
+    *("map", "playback", "strip", "report"),
+)
+# A rule that would fetch an image, for Leaflet's markers and layer button: the page uses neither.
+_FETCHING_RULE = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
+
+
+def leaflet() -> str:
+    """Return Leaflet."""
+    return (_LEAFLET / "leaflet.js").read_text(encoding="utf-8")
+
+
+def own_script(name: str) -> str:
+    """Return one of our own files."""
+    return (_REPORT / "scripts" / f"{name}.js").read_text(encoding="utf-8")
+
+
+@cache
+def script() -> str:
+    """Return Leaflet, then our own files in one scope."""
+    own = "\n".join(map(own_script, _SCRIPTS))
+    return f'\n{leaflet()}\n(() => {{\n"use strict";\n{own}\n}})();\n'
+
+
+@cache
+def leaflet_style() -> str:
+    """Return Leaflet's style sheet without the rules that fetch images."""
+    return _FETCHING_RULE.sub("", (_LEAFLET / "leaflet.css").read_text(encoding="utf-8"))
+
+
+def content_hash(text: str) -> str:
+    """Return the hash of a script as in a Content-Security-Policy: `sha256-…`."""
+    digest = hashlib.sha256(text.encode()).digest()
+    return f"sha256-{base64.b64encode(digest).decode()}"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.formats.palette import (
+from pipeline.formats.appearance import (
     COLOURS,
     DARK,
     SEASON_COLOURS,

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.findings.columns import COLUMNS, figure_columns, figures, used
+from pipeline.findings.names import COLUMNS, figure_columns, figures, used
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis.layers import FRAMES
 from pipeline.formats.tables import write_metrics
