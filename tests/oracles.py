@@ -15,7 +15,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import networkx as nx
 import numpy as np
 import shapely
 from scipy.sparse import csr_array
@@ -25,7 +24,6 @@ from shapely.geometry.base import BaseGeometry
 import renew
 from pipeline._types import IntArray
 from renew._types import BoolArray, FloatArray
-from renew.classes.triangulation import Triangulation
 
 Field = Callable[[FloatArray], FloatArray]
 
@@ -305,16 +303,3 @@ def _path_time(
     """Time along a path (s)."""
     there, _ = leg_times(path[:-1], path[1:], current, vessel, drift, piece)
     return float(there.sum())
-
-
-def dual_graph(triangulation: Triangulation) -> nx.Graph[int]:
-    """The dual graph, whose edges have the passing edges' `width`, m."""
-    graph: nx.Graph[int] = nx.Graph()
-    count = len(triangulation.triangles)
-    graph.add_nodes_from(range(count))
-    triangle, corner = np.nonzero(triangulation.neighbours > np.arange(count)[:, None])
-    beside = triangulation.neighbours[triangle, corner]
-    edges = triangulation.vertices[triangulation.edge_vertices(triangle, corner)]
-    for here, there, (a, b) in zip(triangle.tolist(), beside.tolist(), edges, strict=True):
-        graph.add_edge(here, there, width=float(np.linalg.norm(b - a)))
-    return graph

@@ -44,6 +44,7 @@ _LIBRARIES = (
     "scipy",
     "shapely",
     "pyproj",
+    "networkx",
     "triangle",
     "numba",
 )

@@ -27,7 +27,7 @@ from pipeline.scenario.strict import (
 _TIME = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\dZ", re.ASCII)
 _DAY = timedelta(days=1)
 # Folder of results, relative to the working directory, if neither the file nor --output names one.
-_DEFAULT_OUTPUT = "outputs/nightly"
+_DEFAULT_OUTPUT = Path("outputs/nightly")
 _MEMBERS = Annotated[
     tuple[str, ...], BeforeValidator(lambda given: (given,) if isinstance(given, str) else given)
 ]
@@ -220,10 +220,8 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
     data = catalogue.read_toml(path)
     lines = _lines_of_keys(path.read_text(encoding="utf-8"))
     spec = validated(NightSpec, data, lambda fault: _located(lines, fault, path.name))
-    if output is not None:
-        folder = folder_to_write(output, "--output")
-    elif spec.output is not None:
+    if output is None and spec.output is not None:
         folder = folder_to_write(path.parent / spec.output, "output")
     else:
-        folder = folder_to_write(expanded(_DEFAULT_OUTPUT, "--output"), "--output")
+        folder = folder_to_write(output or _DEFAULT_OUTPUT, "--output")
     return NightConfig(spec, path, lines, folder)

@@ -372,27 +372,23 @@ class _Night:
         """Report the begin and end of a stage, and measure its time."""
         self._current_stage = stage
         begun = time.perf_counter()
-        self._event(NightEvent(stage, "begun"))
+        self.handler(NightEvent(stage, "begun"))
         try:
             yield
         except Exception as error:
-            self._event(NightEvent(stage, "failed", clean(str(error).replace("\n", "; "))))
+            self.handler(NightEvent(stage, "failed", clean(str(error).replace("\n", "; "))))
             raise
         finally:
             self.seconds[stage] = time.perf_counter() - begun
-        self._event(NightEvent(stage, "done", seconds=self.seconds[stage]))
+        self.handler(NightEvent(stage, "done", seconds=self.seconds[stage]))
 
     def _progress(self, done: int, total: int) -> None:
         """Report the progress of the current stage."""
-        self._event(NightEvent(self._current_stage, "working", done=done, total=total))
+        self.handler(NightEvent(self._current_stage, "working", done=done, total=total))
 
     def _note(self, text: str) -> None:
         """Report a note."""
-        self._event(NightEvent(self._current_stage, "note", text))
-
-    def _event(self, event: NightEvent) -> None:
-        """Report an event."""
-        self.handler(event)
+        self.handler(NightEvent(self._current_stage, "note", text))
 
     def _check_time(self) -> None:
         """Raise StageError after the night's time limit."""

@@ -135,8 +135,11 @@ class Planning:
         StageError
             No current could be prepared, for other reasons than its data.
         """
-        of_charts = {self.chart_path(case): case for case in reversed(self.cases)}
-        of_currents = {self.current_path(case): case for case in reversed(self.cases)}
+        of_charts = dict[Path, NightCase]()
+        of_currents = dict[Path, NightCase]()
+        for case in self.cases:
+            of_charts.setdefault(self.chart_path(case), case)
+            of_currents.setdefault(self.current_path(case), case)
         charts = [
             ChartTask(_scenario(case), _ends(case), self.store.root, path)
             for path, case in of_charts.items()

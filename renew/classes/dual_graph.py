@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,24 @@ from renew.classes import h_signature
 from renew.classes.h_signature import VIA, Word
 from renew.classes.triangulation import Triangulation
 from renew.kernels.capsules import extremes
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+
+def dual_graph(triangulation: Triangulation) -> "nx.Graph[int]":
+    """Return the dual graph, whose edges have the passing edges' `width`, m."""
+    import networkx as nx
+
+    graph: nx.Graph[int] = nx.Graph()
+    count = len(triangulation.triangles)
+    graph.add_nodes_from(range(count))
+    triangle, corner = np.nonzero(triangulation.neighbours > np.arange(count)[:, None])
+    beside = triangulation.neighbours[triangle, corner]
+    edges = triangulation.vertices[triangulation.edge_vertices(triangle, corner)]
+    for here, there, (a, b) in zip(triangle.tolist(), beside.tolist(), edges, strict=True):
+        graph.add_edge(here, there, width=float(np.linalg.norm(b - a)))
+    return graph
 
 
 def is_connected(triangulation: Triangulation, first: int, last: int) -> bool:
@@ -71,11 +89,7 @@ def simple_paths(
     otherwise the search would spend most of its time in dead ends. It gives up after `max_steps`
     triangles.
     """
-    # For each triangle the lower numbers first: the order in which its edges are met.
-    beside = [
-        [*sorted(t for t in others if 0 <= t < triangle), *(t for t in others if t > triangle)]
-        for triangle, others in enumerate(triangulation.neighbours.tolist())
-    ]
+    beside = {node: list(others) for node, others in dual_graph(triangulation).adjacency()}
     row, used, waiting = [first], {first}, [iter(beside[first])]
     while waiting and max_steps > 0:
         after = next((node for node in waiting[-1] if node not in used), None)
@@ -96,7 +110,7 @@ def simple_paths(
                 waiting.append(iter(beside[after]))
 
 
-def _flooded(beside: list[list[int]], start: int, used: set[int], until: int) -> set[int]:
+def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: int) -> set[int]:
     """Return the triangles that a search from `start` reaches without used ones, up to `until`."""
     reached, waiting = {start}, [start]
     while waiting and until not in reached:

@@ -14,6 +14,7 @@ from shapely import box
 import renew
 from renew.classes.dual_graph import (
     Channel,
+    dual_graph,
     is_connected,
     simple_paths,
     surroundings,
@@ -22,7 +23,6 @@ from renew.classes.dual_graph import (
     without_dead_ends,
 )
 from renew.classes.triangulation import triangulate
-from tests.oracles import dual_graph
 from tests.strategies import SIZE, random_islands, random_scene, seeds
 
 

@@ -17,7 +17,7 @@ from shapely import box
 import renew
 from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
-from renew.classes.dual_graph import visits
+from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import (
     RayColumns,
@@ -35,7 +35,6 @@ from renew.classes.triangulation import Triangulation, triangulate
 from renew.inputs.options import Order
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
-from tests.oracles import dual_graph
 from tests.strategies import (
     StreamFunctionCurrent,
     chart_of,
