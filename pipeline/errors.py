@@ -1,8 +1,9 @@
 """The errors that end a run, and limits on the length of their messages."""
 
+import contextlib
 import re
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Self, TypeVar
 
@@ -19,7 +20,6 @@ _MIN_ALIKE = 4
 _MAX_PLACES = 3
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _Value = TypeVar("_Value")
-_Other = TypeVar("_Other")
 
 
 def shortened(text: str) -> str:
@@ -127,23 +127,23 @@ class LateFaults:
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def attempt(self, what: str, work: Callable[[], _Value], otherwise: _Other) -> _Value | _Other:
-        """Do a part of the work; after an unexpected error, keep its line and return another value.
+    @contextlib.contextmanager
+    def kept(self, what: str) -> Iterator[None]:
+        """Do a part of the work, named `what`; an unexpected error only ends it, and is kept.
 
         Errors of the disk and expected ones pass.
         """
         try:
-            return work()
+            yield
         except (PipelineError, OSError):
             raise
         except Exception as error:  # noqa: BLE001 - whatever it is, the plan is worth its files
             line = f"{what} failed, and the rest is written; please report this: {one_line(error)}"
             self.lines += [line] * (line not in self.lines)
-            return otherwise
 
 
 class NoWayError(RequestError):
-    """No season has a way from start to goal in the region; a wider region may have one."""
+    """No case has a way from start to goal in the region; a wider region may have one."""
 
 
 class StageError(PipelineError):

@@ -3,9 +3,8 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -175,14 +174,21 @@ def run(
     started = time.perf_counter()
     with session(scenario.name, output, origin) as held, ThreadPoolExecutor(1) as beside:
         with first_compilation() as compiled:
-            asked = (offline, strict, scheduler, limit_s, on_step, on_result or ignore)
-            read = tuple(Note.of("as-read", said=text) for text in said)
-            stages = _Stages(held.store, beside, on_event or ignore, compiled, *asked, read)
+            stages = _Stages(
+                held.store,
+                beside,
+                on_event or ignore,
+                compiled,
+                offline=offline,
+                strict=strict,
+                scheduler=scheduler,
+                limit_s=limit_s,
+                on_step=on_step,
+                on_result=on_result or ignore,
+                read=tuple(Note.of("as-read", said=text) for text in said),
+            )
             result = stages.result(scenario)
-        bound = partial(bounds_of_sides, result, held.store)
-        bounds: Future[dict[str, float]] = beside.submit(
-            stages.late.attempt, "the bound on other sides", bound, {}
-        )
+        bounds = beside.submit(bounds_of_sides, result, held.store, stages.late)
         result = replace(result, value=replace(result.value, side_bounds=bounds.result))
         fresh = stages.write(result, held.directory)
         stages.on_result(result.value)
@@ -249,10 +255,10 @@ class _Stages:
             made = self._in_region(asked, ())
         else:
             made = self._in_chosen_region(asked)
-        if asked.havens is None:
-            return made
-        with self._stage("cover", asked) as say:
-            return self.late.attempt("the cover", partial(cover, made, self.store, say), made)
+        if asked.havens is not None:
+            with self._stage("cover", asked) as say, self.late.kept("the cover"):
+                made = cover(made, self.store, say)
+        return made
 
     def _in_chosen_region(self, asked: Scenario) -> Artefact[RunResult]:
         """Choose a region, and widen it until it has a way, and no best route nears its edge.
@@ -272,18 +278,17 @@ class _Stages:
                     raise
                 region = opened
         for _ in range(MAX_WIDENINGS):
-            look = partial(wider_region, region, best_paths(made.value))
-            wider = self.late.attempt("the choice of a wider region", look, None)
+            wider = None
+            with self.late.kept("the choice of a wider region"):
+                wider = wider_region(region, best_paths(made.value))
             if wider is None:
                 break
-            run = partial(self._in_region, wider.complete(asked), wider.notes)
-            try:
-                again = self.late.attempt("planning in a wider region", run, None)
-            except PipelineError:
+            last = region
+            with contextlib.suppress(PipelineError), self.late.kept("planning in a wider region"):
+                made = self._in_region(wider.complete(asked), wider.notes)
+                region = wider
+            if region is last:
                 break
-            if again is None:
-                break
-            region, made = wider, again
         edges = edge_notes(region, best_paths(made.value))
         return replace(made, value=made.value.with_choices(edges))
 
@@ -295,8 +300,8 @@ class _Stages:
         chosen, land = self.chosen(scenario, region_notes, sailed)
         with self._stage("plan", chosen.scenario):
             planned = self.planned(chosen, land)
-        for one in planned.value:
-            self.timings[f"plan {one.name}"] = one.seconds
+        for case in planned.value:
+            self.timings[f"plan {case.name}"] = case.seconds
         with self._stage("compare", chosen.scenario) as say:
             made = compare(chosen, land, planned, self.store, say, self.late)
         self.on_result(made.value)
@@ -334,26 +339,27 @@ class _Stages:
             for note in region_notes[-1:]:
                 say(note)
             if sailed is not None and sailed.voyage.same_currents:
-                data = sailed.data(scenario)
+                fetched = sailed.data(scenario)
             else:
-                data = fetch(scenario, store, offline=self.offline, strict=self.strict)
-            data = data if sailed is None else sailed.keyed(scenario, data)
-            for note in data.fetched.notes:
+                fetched = fetch(scenario, store, offline=self.offline, strict=self.strict)
+            fetched = fetched if sailed is None else sailed.keyed(scenario, fetched)
+            for note in fetched.notes:
                 say(note)
         if store.has_made:
             # Something new was made, so the run will plan and write. Until "plan" a core is idle,
             # and can load the libraries that planning and writing need.
             self.beside.submit(load_libraries)
         with self._stage("simplify", scenario) as say:
-            land = sailed.land if sailed else simplify(scenario, data.land, store)
+            charted = Artefact(fetched.land_key, fetched.land)
+            land = sailed.land if sailed else simplify(scenario, charted, store)
             for note in land.value.notes:
                 say(note)
         with self._stage("project", scenario):
             before = None if sailed is None else sailed.before(scenario)
-            cases = projected(scenario, data.fetched, data.current_keys, land, store, before)
+            cases = projected(scenario, fetched, land, store, before)
             havens_in(scenario, cases.value[0].water)  # refused before planning
         with self._stage("choose", scenario) as say:
-            given = Chosen(scenario, data, cases, notes=(*self.read, *region_notes))
+            given = Chosen(scenario, fetched, cases, notes=(*self.read, *region_notes))
             return choose(given, store, say, self.scheduler), land
 
     def planned(

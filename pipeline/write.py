@@ -4,12 +4,12 @@ The files are written to a temporary folder, which then replaces the earlier one
 (:mod:`pipeline.machine.files`).
 """
 
+import contextlib
 import errno
 import importlib
 import json
 import os
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
 from pipeline.errors import LateFaults, StageError
@@ -80,14 +80,10 @@ def write(
             for number, (name, writer) in enumerate(formats.items(), start=1):
                 if on_file is not None:
                     on_file(f"{name} ({number} of {len(formats)})")
-                make = partial(_made, writer, result, staging / name)
-                if (
-                    make()
-                    if late is None
-                    else late.attempt(f"writing {name}", make, otherwise=False)
-                ):
+                with contextlib.nullcontext() if late is None else late.kept(f"writing {name}"):
+                    writer(result, staging / name)
                     written.append(staging / name)
-                else:
+                if staging / name not in written:
                     (staging / name).unlink(missing_ok=True)
             write_manifest(result, staging / MANIFEST, written)
     except OSError as error:
@@ -96,12 +92,6 @@ def write(
             f"write: cannot write the results to {directory}: {remedy}, {_ELSEWHERE}"
         ) from error
     return (*(directory / path.name for path in written), directory / MANIFEST)
-
-
-def _made(writer: Format, result: RunResult, path: Path) -> bool:
-    """Write a file; it is there then."""
-    writer(result, path)
-    return True
 
 
 def load_libraries() -> None:

@@ -110,11 +110,11 @@ def load_spec(name: str) -> EnvironmentSpec:
 def load_environment(spec: EnvironmentSpec, store: Store) -> Environment:
     """Load an environment's scene: as given in metres, or from chart and currents, offline."""
     scenario = _scenario(spec)
-    if scenario.is_planar:
-        fetched = fetched_plane(scenario)
+    if scenario.plane is not None:
+        fetched = fetched_plane(scenario.plane, scenario.scale)
         simplified = unsimplified(fetched.land)
     else:
-        fetched = fetch(scenario, store, offline=True).fetched
+        fetched = fetch(scenario, store, offline=True)
         simplified = _simplified(scenario, fetched)
     cases = project(scenario, fetched, simplified)
     return Environment(

@@ -282,8 +282,8 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
     """Yield one line on preferred currents that were not used, if there are any."""
     unused: dict[str, list[str]] = {}
     for grid in outcome.fetched.currents:
-        for passed in grid.passed_over:
-            unused.setdefault(passed.reason, []).append(text.season_name(grid.case))
+        for _, reason in grid.passed_over:
+            unused.setdefault(reason, []).append(text.season_name(grid.case))
     if unused:
         reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
         yield f"Currents NOT used: {'; '.join(reasons)}"

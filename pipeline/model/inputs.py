@@ -109,7 +109,7 @@ class Note:
     kind : its subject, one of the kinds for which there are words.
     values : the figures by their names: numbers, names, places, dates, other notes, tuples of them;
         units are in the names.
-    seasons : the cases that it is about; empty where it is about all.
+    cases : the cases that it is about; empty where it is about all.
     """
 
     kind: str
@@ -255,14 +255,6 @@ def no_go_name(*, has_depths: bool) -> str:
     return "no-go areas" if has_depths else "land"
 
 
-@dataclass(frozen=True, slots=True)
-class PassedOver:
-    """A source of currents that was preferred but could not be used, and why, in one line."""
-
-    source: str
-    reason: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class MemberGrid:
     """A member of a current on its source's grid: `u`, `v` (nt, ny, nx), m/s to east and north.
@@ -290,7 +282,8 @@ class CurrentGrid:
     notes : about the field, for a reader.
     files : names and hashes of the files it came from.
     climatology_for : the case's own time, if a climatology stands in for that time; else "".
-    passed_over : the sources that the scenario prefers to this one, in its order.
+    passed_over : sources that the scenario prefers to this one, in its order, each with the
+        reason why it could not be used, in one line.
     members : the fields of which this one is the mean, on the same nodes and at the same times.
     weak : (ny, nx), of tidal streams: where their constants explain too little of the variance of
         the currents that they were fitted to.
@@ -306,7 +299,7 @@ class CurrentGrid:
     notes: tuple[Note, ...] = ()
     files: tuple[tuple[str, str], ...] = ()
     climatology_for: str = ""
-    passed_over: tuple[PassedOver, ...] = ()
+    passed_over: tuple[tuple[str, str], ...] = ()
     times_s: FloatArray = field(default_factory=lambda: np.zeros(1))
     weak: BoolArray | None = None
     members: tuple[MemberGrid, ...] = ()
@@ -356,16 +349,23 @@ class CurrentGrid:
 class Fetched:
     """Data from the sources: land, and one current grid per case.
 
-    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are
-    about preferred sources that were passed over, and about the others.
-    `surroundings` is land outside the region (lon/lat degrees), coarse and for maps only; empty
-    where no source has the world's land.
+    Attributes
+    ----------
+    currents : empty for a plane scenario, which gives its current as numbers.
+    notes : about the data, and about preferred sources that were passed over.
+    surroundings : land outside the region (lon/lat degrees), coarse and for maps only; empty where
+        no source has the world's land.
+    land_key, current_keys : the keys of the land and of each case's current in the store.
+    failures : the reasons why cases have no current, by case.
     """
 
     land: Land
     currents: tuple[CurrentGrid, ...]
     notes: tuple[Note, ...] = ()
     surroundings: tuple[Polygon, ...] = ()
+    land_key: str = ""
+    current_keys: Mapping[str, str] = field(default_factory=dict)
+    failures: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def stand_in_notes(self) -> tuple[Note, ...]:
@@ -381,8 +381,8 @@ def current_notes(currents: Iterable[CurrentGrid]) -> tuple[Note, ...]:
                 *[Note.of("current-changes", steps=len(grid.times_s))] * grid.changes,
                 *grid.notes,
                 *(
-                    Note.of("source-passed-over", source=passed.source, reason=passed.reason)
-                    for passed in grid.passed_over
+                    Note.of("source-passed-over", source=source, reason=reason)
+                    for source, reason in grid.passed_over
                 ),
                 *grid.stand_in_notes,
             )

@@ -163,8 +163,8 @@ def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
 
 def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
     """Fetch, simplify and project a scenario's chart, on which `ends` stay in water."""
-    if scenario.is_planar:
-        return NightChart(scenario, plane_water(scenario), 0.0)
+    if scenario.plane is not None:
+        return NightChart(scenario, plane_water(scenario, scenario.plane), 0.0)
     if scenario.region is None:
         region = chosen_region(scenario, store, offline=False)
         scenario = region.complete(scenario)
@@ -190,19 +190,18 @@ def _chart_fetcher(chart_path: Path, store_root: Path) -> Fetcher:
 
 def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     """Fetch a current and project it to the chart's plane."""
-    season, water = task.season, chart.water
+    season, water, seed = task.season, chart.water, chart.scenario.planner.seed
     if chart.scenario.is_planar:
         current = plane_current(season, water.chart.extent)
-        members = members_of(water, chart.scenario, season, current, None)
+        members = members_of(water, season.members, seed, current, None)
         return NightCurrent(current, season.title or season.name, "numbers", "", members)
     with land_freed_at_end():
         fetched = _chart_fetcher(task.chart_path, task.store_root).current(season)
-    grid = fetched.grid
-    if grid is None:
-        reasons = "; ".join(passed.reason for passed in fetched.passed_over)
-        raise StageError(f"no source of currents could be used: {reasons}")
+    if not isinstance(fetched, Artefact):
+        raise fetched
+    grid = fetched.value
     current = planar_current(grid, water.projection, water.chart.bounds)
-    members = members_of(water, chart.scenario, season, current, grid)
+    members = members_of(water, season.members, seed, current, grid)
     left_out = note_texts(note for note in grid.notes if note.kind == "member-left-out")
     return NightCurrent(
         current, grid.valid, grid.credit.name, _stand_in(grid), members, tuple(left_out)
@@ -211,7 +210,7 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
 
 def _stand_in(grid: CurrentGrid) -> str:
     """Return which current replaces the first choice, and why; "" if it is the first choice."""
-    reasons = [passed.reason for passed in grid.passed_over]
+    reasons = [reason for _, reason in grid.passed_over]
     return "; ".join((*note_texts(grid.stand_in_notes), *reasons)) if grid.is_stand_in else ""
 
 

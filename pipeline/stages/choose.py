@@ -37,6 +37,7 @@ from pipeline.model import (
     Case,
     CaseResult,
     DepartureChoice,
+    Fetched,
     Note,
     Say,
     SpeedChoice,
@@ -53,7 +54,6 @@ from pipeline.scenario.season import (
     interval,
     named_departure,
 )
-from pipeline.stages.fetch import FetchedData
 from pipeline.stages.plan_case import planned
 from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
 from renew.errors import Moment
@@ -67,7 +67,7 @@ class Chosen:
     """A complete scenario with its data and cases; the chosen departures, and notes on choices."""
 
     scenario: Scenario
-    data: FetchedData
+    fetched: Fetched
     cases: Artefact[tuple[Case, ...]]
     choices: tuple[DepartureChoice, ...] = ()
     notes: tuple[Note, ...] = ()
@@ -84,13 +84,13 @@ class Chosen:
         It takes the place of the `earlier` case, or stands behind it if that is kept. The scenario
         has its season.
         """
-        name, label, data = earlier.name, begun.name, self.data
-        fetched, keys, cases = data.fetched, dict[str, str](), list[Case]()
-        key = artefact_key("departures", data.current_keys[name], begun.departure)
+        name, label, fetched = earlier.name, begun.name, self.fetched
+        keys, cases = dict[str, str](), list[Case]()
+        key = artefact_key("departures", fetched.current_keys[name], begun.departure)
         for case in self.cases.value:
             is_it = case.name == name
             if keeps or not is_it:
-                keys[case.name] = data.current_keys[case.name]
+                keys[case.name] = fetched.current_keys[case.name]
                 cases.append(case)
             if is_it:
                 keys[label] = key
@@ -110,11 +110,7 @@ class Chosen:
         return replace(
             self,
             scenario=scenario,
-            data=replace(
-                data,
-                fetched=replace(fetched, currents=tuple(grids), notes=notes),
-                current_keys=keys,
-            ),
+            fetched=replace(fetched, currents=tuple(grids), notes=notes, current_keys=keys),
             cases=Artefact(
                 artefact_key("departures", self.cases.key, name, label, begun.departure),
                 tuple(cases),
@@ -224,7 +220,7 @@ def choose(given: Chosen, store: Store, say: Say, scheduler: str | None = None) 
 
 def _with_offing(given: Chosen) -> Chosen:
     """Set the planner's clearance to the chosen offing if the scenario does not give one."""
-    scenario, accuracy_m = given.scenario, given.data.fetched.land.accuracy_m
+    scenario, accuracy_m = given.scenario, given.fetched.land.accuracy_m
     options = with_offing(scenario, given.cases.value[0], accuracy_m)
     if options is scenario.planner:
         return given
@@ -491,8 +487,8 @@ def choose_departures(
         else:
             missing = "its result is missing from the store; run again"
             departed = _without(departed, season, failures.get(season) or missing)
-    if given.scenario.seasons and not departed.data.current_keys:
-        reasons = [f"{season_text(n)}: {why}" for n, why in departed.data.failures.items()]
+    if not departed.fetched.current_keys:
+        reasons = [f"{season_text(n)}: {why}" for n, why in departed.fetched.failures.items()]
         raise StageError("; ".join(reasons)) if crashed else RequestError(reasons)
     store.load_or_make("project", departed.cases.key, tuple, lambda: departed.cases.value)
     return departed
@@ -502,7 +498,7 @@ def _sweeps(given: Chosen, store: Store) -> Iterator[SweepTask]:
     """Yield a task for each season that has a current and leaves its departure open."""
     options = given.scenario.planner
     for season in given.scenario.seasons:
-        if season.leaves_departure_open and season.name in given.data.current_keys:
+        if season.leaves_departure_open and season.name in given.fetched.current_keys:
             key = artefact_key(
                 "departures", given.cases.key, options.model_dump(mode="json"), season.model_dump()
             )
@@ -543,7 +539,7 @@ def _label(scenario: Scenario, season: str, chosen: datetime) -> str:
 
 def _without(departed: Chosen, season: str, reason: str) -> Chosen:
     """Leave out the plan of a season that has no departure, with the reason."""
-    data = departed.data
-    keys = {name: key for name, key in data.current_keys.items() if name != season}
-    failures = {**data.failures, season: reason}
-    return replace(departed, data=replace(data, current_keys=keys, failures=failures))
+    fetched = departed.fetched
+    keys = {name: key for name, key in fetched.current_keys.items() if name != season}
+    failures = {**fetched.failures, season: reason}
+    return replace(departed, fetched=replace(fetched, current_keys=keys, failures=failures))

@@ -20,10 +20,10 @@ from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SimplifiedLand, Water
+from pipeline.model.result import NumberedIsland
 from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.choose import Chosen, in_thread, narrows_notes, room_notes
 from pipeline.stages.places import shut_notes, tide_notes
-from pipeline.stages.project import planar_stops
 
 
 def compare(
@@ -38,21 +38,18 @@ def compare(
 
     Returns the result with its notes on choices, data, land and routes.
     """
-    scenario, fetched, simplified = chosen.scenario, chosen.data.fetched, land.value
+    scenario, fetched = chosen.scenario, chosen.fetched
     inputs, water = (planned.key, chosen.cases.key), chosen.cases.value[0].water
-    find_names = partial(way_names, water, planned.value, fetched.land.places)
-    nameless = tuple(planned.value), (), ()
-    results, islands, class_islands = late.attempt("naming the ways", find_names, nameless)
+    results = planned.value
+    islands = class_islands = tuple[NumberedIsland, ...]()
+    with late.kept("naming the ways"):
+        results, islands, class_islands = way_names(water, planned.value, fetched.land.places)
     cases = {case.name: case for case in chosen.cases.value}
     pairs = [(cases[one.name], one) for one in results if one.name in cases]
-    stops = planar_stops(scenario, water)
-    found = partial(shut_straits, pairs, stops, simplified, scenario.planner)
-    find = partial(store.artefact, "straits", tuple, inputs, found)
-    straits = late.attempt("the search for shut straits", lambda: in_thread(find).value, ())
     result = RunResult(
         scenario,
         fetched,
-        simplified,
+        land.value,
         water,
         cases,
         results,
@@ -60,11 +57,18 @@ def compare(
         datetime.now(UTC),
         islands,
         class_islands,
-        straits=straits,
         departures=chosen.choices,
     )
-    said = late.attempt("what is said of the result", partial(_said, result), ())
-    notes = (*said, *late.attempt("notes on the routes", partial(_notes, result, pairs), ()))
+    find = partial(shut_straits, pairs, result.stops, land.value, scenario.planner)
+    with late.kept("the search for shut straits"):
+        straits = in_thread(partial(store.artefact, "straits", tuple, inputs, find))
+        result = replace(result, straits=straits.value)
+    said, about_routes = tuple[Note, ...](), tuple[Note, ...]()
+    with late.kept("the notes on choices"):
+        said = _said(result)
+    with late.kept("the notes on routes"):
+        about_routes = _notes(result, pairs)
+    notes = (*said, *about_routes)
     for note in notes:
         say(note)
     every = (*chosen.notes, *fetched.notes, *land.value.notes, *notes)
@@ -76,7 +80,9 @@ def compare(
     return Artefact(artefact_key("compare", *inputs), complete)
 
 
-def bounds_of_sides(result: Artefact[RunResult], store: Store) -> dict[str, float]:
+def bounds_of_sides(
+    result: Artefact[RunResult], store: Store, late: LateFaults
+) -> dict[str, float]:
     """Bound the fuel of ways on the other sides; this takes long, and only reports show it."""
     run, options = result.value, result.value.scenario.planner
 
@@ -89,7 +95,10 @@ def bounds_of_sides(result: Artefact[RunResult], store: Store) -> dict[str, floa
             bound_of = {one.name: bound for one, bound in zip(planned, found, strict=True)}
         return {name: bound for name, bound in bound_of.items() if bound is not None}
 
-    return store.artefact("sides", dict, (result.key, options.drift), bounds).value
+    found: dict[str, float] = {}
+    with late.kept("the bound on other sides"):
+        found.update(store.artefact("sides", dict, (result.key, options.drift), bounds).value)
+    return found
 
 
 def _said(result: RunResult) -> tuple[Note, ...]:
@@ -108,7 +117,7 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
     return (
         *safety_notes(result),
         *shut_notes(planned),
-        *tide_notes(result.scenario, planned),
+        *tide_notes(result.scenario.tide, planned),
         *waiting_notes(planned),
         *unresolved_strait_notes(result),
         *weak_stream_notes(result),

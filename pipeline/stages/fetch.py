@@ -1,12 +1,12 @@
 """First stage: fetch land and currents from their sources, with credits.
 
-The land and each season's current are separate artefacts. A season uses its first source that is
+The land and each case's current are separate artefacts. A case uses its first source that is
 available, covers the region and returns data. Its current keeps the names of the earlier sources
 and the reasons why they were not used.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import cached_property
@@ -17,15 +17,15 @@ import shapely
 from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.errors import MachineError, RequestError, StageError
+from pipeline.errors import MachineError, PipelineError, RequestError, StageError
 from pipeline.findings.note_words import note_text
 from pipeline.findings.text import season_text
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
-from pipeline.model import CurrentGrid, Fetched, Land, Note, PassedOver, Place
+from pipeline.model import CurrentGrid, Fetched, Land, Note, Place
 from pipeline.model.inputs import CurrentSource, LandSource, current_notes
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.region import ChartSpec, Region
+from pipeline.scenario.region import ChartSpec, Plane, Region
 from pipeline.scenario.season import MAX_HOURS, Currents, Season, source_name
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.current_field import land_freed_at_end
@@ -39,48 +39,35 @@ _LONGEST_WAY = 3.0
 _DAY_HOURS = 24.0
 
 
-@dataclass(frozen=True, slots=True)
-class FetchedData:
-    """The fetched data and their keys in the store; `failures`: season → why it has no current."""
-
-    fetched: Fetched
-    land_key: str
-    current_keys: Mapping[str, str]
-    failures: Mapping[str, str]
-
-    @property
-    def land(self) -> Artefact[Land]:
-        """The land with its key."""
-        return Artefact(self.land_key, self.fetched.land)
-
-
 def fetch(
     scenario: Scenario, store: Store, *, offline: bool = False, strict: bool = False
-) -> FetchedData:
-    """Fetch land and every season's current; if `strict`, only from each season's first source.
+) -> Fetched:
+    """Fetch land and every case's current; if `strict`, only from each case's first source.
 
     Raises
     ------
     RequestError
-        No season has a source that is available and covers the region.
+        No case has a source that is available and covers the region.
     StageError
-        Sources were tried and none returned data; or, if `strict`, a season would use another
-        source than its first.
+        Sources were tried and none returned data; or, if `strict`, a case would use another source
+        than its first.
     """
-    data = (
-        _plane_data(scenario) if scenario.region is None else _region_data(scenario, store, offline)
-    )
+    if scenario.plane is not None:
+        return _plane_data(scenario, scenario.plane)
+    if scenario.region is None:
+        raise ValueError("the region is chosen before")
+    data = _region_data(scenario, Fetcher(scenario.region, charted_land(scenario), store, offline))
     if strict:
         _refuse_stand_ins(data)
     return data
 
 
-def _refuse_stand_ins(data: FetchedData) -> None:
-    """Raise StageError if a season has no source, or would use another than its first."""
+def _refuse_stand_ins(data: Fetched) -> None:
+    """Raise StageError if a case has no source, or would use another than its first."""
     faults = [
         f"{season_text(grid.case)} would be {note_text(grid.stand_in_notes[0])}, which is not "
-        "its first choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
-        for grid in data.fetched.currents
+        "its first choice" + "".join(f"; {reason}" for _, reason in grid.passed_over)
+        for grid in data.currents
         if grid.is_stand_in
     ]
     faults += [f"{season_text(name)}: {why}" for name, why in data.failures.items()]
@@ -88,27 +75,24 @@ def _refuse_stand_ins(data: FetchedData) -> None:
         raise StageError("\n".join([*faults, "nothing was planned, as --strict asks"]))
 
 
-def _region_data(scenario: Scenario, store: Store, offline: bool) -> FetchedData:  # noqa: FBT001
+def _region_data(scenario: Scenario, fetcher: "Fetcher") -> Fetched:
     """Fetch the land and currents of a scenario with a region."""
-    if scenario.region is None:
-        raise ValueError("the region is chosen before")
-    land = charted_land(scenario)
-    fetcher = Fetcher(scenario.region, land, store, offline)
     seasons = [with_max_hours(season, scenario) for season in scenario.seasons]
+    found, errors = dict[str, Artefact[CurrentGrid]](), dict[str, PipelineError]()
     with land_freed_at_end():
-        found = {season.name: fetcher.current(season) for season in seasons}
-    grids = tuple(current.grid for current in found.values() if current.grid is not None)
-    failures = {
-        name: "no source of currents could be used: "
-        + "; ".join(passed.reason for passed in current.passed_over)
-        for name, current in found.items()
-        if current.grid is None
-    }
-    if not grids:
+        for season in seasons:
+            current = fetcher.current(season)
+            if isinstance(current, Artefact):
+                found[season.name] = current
+            else:
+                errors[season.name] = current
+    failures = {name: str(error) for name, error in errors.items()}
+    if not found:
         reasons = [f"{season_text(name)}: {why}" for name, why in failures.items()]
-        asked = any(current.was_asked for current in found.values())
+        asked = any(isinstance(error, StageError) for error in errors.values())
         raise StageError("; ".join(reasons)) if asked else RequestError(reasons)
-    region = scenario.region.shape
+    grids = tuple(current.value for current in found.values())
+    region = fetcher.region.shape
     speeds_m_s = {one.name: scenario.vessel_in(one).speed_m_s for one in seasons}
     begins = {season.name: season.first_departure for season in seasons if season.is_changing}
     overpowering = [
@@ -116,23 +100,22 @@ def _region_data(scenario: Scenario, store: Store, offline: bool) -> FetchedData
         for grid in grids
         for note in overpowering_notes(grid, region, speeds_m_s[grid.case], begins.get(grid.case))
     ]
-    avoided, about_avoided = avoided_zones(scenario, region)
+    avoided, about_avoided = avoided_zones(scenario.avoid, region)
     notes = (*fetcher.land.notes, *about_avoided, *current_notes(grids), *overpowering)
     shown = (*fetcher.land.zones, *avoided)
-    return FetchedData(
-        fetched=Fetched(
-            replace(fetcher.land, zones=shown), grids, notes, fetcher.surroundings(scenario.chart)
-        ),
+    return Fetched(
+        replace(fetcher.land, zones=shown),
+        grids,
+        notes,
+        fetcher.surroundings(scenario.chart),
         land_key=fetcher.land_key,
-        current_keys={
-            name: current.key for name, current in found.items() if current.grid is not None
-        },
+        current_keys={name: current.key for name, current in found.items()},
         failures=failures,
     )
 
 
 def with_max_hours(season: Season, scenario: Scenario) -> Season:
-    """Set `max_hours` to its default if the season's currents change and it has no limit."""
+    """Set `max_hours` to its default if the case's currents change and it has no limit."""
     if not season.is_changing or season.max_hours is not None:
         return season
     import pyproj
@@ -144,19 +127,6 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
     hours = _LONGEST_WAY * straight_hours + _DAY_HOURS + wait / timedelta(hours=1)
     hours = min(math.ceil(hours), MAX_HOURS)
     return season.model_copy(update={"max_hours": hours})
-
-
-@dataclass(frozen=True, slots=True)
-class SeasonCurrent:
-    """A season's current with its key in the store, or None; and the unused sources.
-
-    `was_asked`: a source was tried and failed, so the request is not at fault.
-    """
-
-    grid: CurrentGrid | None
-    key: str
-    passed_over: tuple[PassedOver, ...]
-    was_asked: bool
 
 
 @dataclass(frozen=True)
@@ -206,17 +176,20 @@ class Fetcher:
         """The region's outline as WKT, a part of the artefacts' keys."""
         return str(self.region.shape.wkt)
 
-    def current(self, season: Season) -> SeasonCurrent:
-        """Fetch the season's current from its first source that returns data."""
-        passed_over: list[PassedOver] = []
-        was_asked = False
+    def current(self, season: Season) -> Artefact[CurrentGrid] | StageError | RequestError:
+        """Fetch a case's current from its first source that returns data; or say why there is none.
+
+        It is a StageError if a source was tried and failed, so that the request is not at fault.
+        """
+        passed_over: list[tuple[str, str]] = []
+        was_tried = False
         for named in season.currents:
             source, name = current_source(named, season.members), source_name(named)
             key = artefact_key("current", source.identity(season), self._outline, season.name)
             # A stored current needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)
             if grid is None and (refusal := self._refusal(source, named, season)):
-                passed_over.append(PassedOver(name, refusal))
+                passed_over.append((name, refusal))
                 continue
             if grid is None:
                 try:
@@ -225,14 +198,15 @@ class Fetcher:
                 except MachineError:
                     raise
                 except (StageError, RequestError) as error:
-                    was_asked = was_asked or isinstance(error, StageError)
-                    passed_over.append(PassedOver(name, "; ".join(str(error).splitlines())))
+                    was_tried = was_tried or isinstance(error, StageError)
+                    passed_over.append((name, "; ".join(str(error).splitlines())))
                     continue
                 self.store.save("current", key, grid)
             # Not stored: in another run a preferred source may be available again.
-            grid = replace(grid, passed_over=tuple(passed_over))
-            return SeasonCurrent(grid, key, grid.passed_over, was_asked)
-        return SeasonCurrent(None, "", tuple(passed_over), was_asked)
+            return Artefact(key, replace(grid, passed_over=tuple(passed_over)))
+        reasons = "; ".join(reason for _, reason in passed_over)
+        text = f"no source of currents could be used: {reasons}"
+        return StageError(text) if was_tried else RequestError(text)
 
     def _refusal(self, source: CurrentSource, named: Currents, season: Season) -> str:
         """Return why a source can't be used, or "" if it can."""
@@ -245,14 +219,15 @@ class Fetcher:
         return source.unavailable_reason()
 
 
-def _plane_data(scenario: Scenario) -> FetchedData:
-    """Build the data of a plane scenario, which contains its land and currents as numbers."""
+def _plane_data(scenario: Scenario, plane: Plane) -> Fetched:
+    """Return the data of a plane scenario, which has its land and currents as numbers."""
     figures = scenario.model_dump(mode="json", include={"plane", "scale"})
     keys = {
         season.name: artefact_key("current", season.model_dump(mode="json"), figures)
         for season in scenario.seasons
     }
-    return FetchedData(fetched_plane(scenario), artefact_key("land", figures), keys, {})
+    fetched = fetched_plane(plane, scenario.scale)
+    return replace(fetched, land_key=artefact_key("land", figures), current_keys=keys)
 
 
 # Time step for the interpolation of a changing current, s.

@@ -9,7 +9,7 @@ Fuel is measured by the causes of its gap to the bound, and by what the clock is
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import timedelta
 
@@ -80,7 +80,8 @@ def measured(case: Case, result: CaseResult, options: PlannerOptions) -> Measure
         rows.append(evaluator.metrics(route, turns, rank))
     if result.ensemble is not None:
         rows = [_in_members(row, result.ensemble) for row in rows]
-    return Measures(tuple(rows), tuple(flown), SecondShoreline(case.water).all_crossings(result))
+    crossings = shore_crossings(case.water, (route.path for route in routes))
+    return Measures(tuple(rows), tuple(flown), crossings)
 
 
 def _in_members(row: RouteMetrics, found: EnsembleFigures) -> RouteMetrics:
@@ -263,50 +264,39 @@ _LEAST_M = 1.0
 _SPACING = 0.25
 
 
-class SecondShoreline:
-    """The land of a chart's second shoreline, with a spatial index."""
-
-    def __init__(self, water: Water) -> None:
-        self._projection, self._limit_m = water.projection, water.refused_m
-        self._shore = np.array(water.second_shore, dtype=object)
-        self._tree = shapely.STRtree(self._shore)
-
-    def all_crossings(self, result: CaseResult) -> tuple[ShoreCrossing, ...]:
-        """Return where a case's routes cross the second shoreline's land."""
-        return tuple(
-            one
-            for rank, route in enumerate(result.routes, start=1)
-            for one in self.crossings(np.asarray(route.path), rank)
-        )
-
-    def crossings(self, path: FloatArray, rank: int) -> tuple[ShoreCrossing, ...]:
-        """Return where a path (n, 2), planar metres, crosses the second shoreline's land."""
+def shore_crossings(water: Water, paths: Iterable[FloatArray]) -> tuple[ShoreCrossing, ...]:
+    """Return where paths (n, 2), planar metres, by rank, cross the second shoreline's land."""
+    projection, shore = water.projection, np.array(water.second_shore, dtype=object)
+    tree, found = shapely.STRtree(shore), []
+    for rank, path in enumerate(paths, start=1):
         line = shapely.LineString(path)
-        land = shapely.union_all(self._shore[self._tree.query(line, predicate="intersects")])
-        found = []
+        land = shapely.union_all(shore[tree.query(line, predicate="intersects")])
         for part in shapely.get_parts(shapely.intersection(line, land)):
-            length_m = self._projection.geodesic_length_m(shapely.get_coordinates(part))
+            length_m = projection.geodesic_length_m(shapely.get_coordinates(part))
             if length_m >= _LEAST_M:
                 middle = shapely.line_interpolate_point(part, 0.5, normalized=True)
-                lon, lat = self._projection.to_lonlat(shapely.get_coordinates(middle)[0])
-                inland_m = self._inland_m(part, land)
-                found.append(ShoreCrossing(rank, float(lon), float(lat), length_m, inland_m))
-        return tuple(found)
+                lon, lat = projection.to_lonlat(shapely.get_coordinates(middle)[0]).tolist()
+                inland_m = _inland_m(part, land, water)
+                found.append(ShoreCrossing(rank, lon, lat, length_m, inland_m))
+    return tuple(found)
 
-    def _inland_m(self, part: shapely.Geometry, land: shapely.Geometry) -> float:
-        """Return how far from the shore a part of a path gets, m; 0 where there is no limit."""
-        if math.isinf(self._limit_m):
-            return 0.0
-        scale, shore = self._projection.scale, shapely.boundary(land)
-        shapely.prepare(shore)
-        dense = shapely.segmentize(part, _SPACING * self._limit_m / scale)
-        points = shapely.points(shapely.get_coordinates(dense))
-        return float(shapely.distance(points, shore).max()) * scale
+
+def _inland_m(part: shapely.Geometry, land: shapely.Geometry, water: Water) -> float:
+    """Return how far from the shore a part of a path gets, m; 0 where there is no limit."""
+    if math.isinf(water.refused_m):
+        return 0.0
+    scale, shore = water.projection.scale, shapely.boundary(land)
+    shapely.prepare(shore)
+    dense = shapely.segmentize(part, _SPACING * water.refused_m / scale)
+    points = shapely.points(shapely.get_coordinates(dense))
+    return float(shapely.distance(points, shore).max()) * scale
 
 
 def refusal(water: Water, result: CaseResult) -> str:
     """Say which route lies on land that the user's files lack; "" where none does."""
-    found = SecondShoreline(water).all_crossings(result) if math.isfinite(water.refused_m) else ()
+    if math.isinf(water.refused_m):
+        return ""
+    found = shore_crossings(water, (route.path for route in result.routes))
     deep = [one for one in found if one.inland_m > water.refused_m]
     if not deep:
         return ""

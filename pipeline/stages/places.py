@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline._types import Geometries
+from pipeline._types import FloatArray, Geometries
 from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.text import moment_text
 from pipeline.geo.projection import Projection
@@ -31,8 +31,8 @@ from pipeline.model import (
     planner_vessel,
 )
 from pipeline.scenario.catalogue import has_world_land
-from pipeline.scenario.model import Scenario
-from pipeline.scenario.region import AvoidedArea, ChartSource, Plane
+from pipeline.scenario.model import Scenario, TideSpec
+from pipeline.scenario.region import AvoidedArea, ChartSource, ChartSpec, Plane
 from pipeline.scenario.season import Season
 from pipeline.sources.land.shapes import extract_polygons, in_plane, repaired
 from pipeline.sources.land.vector import VectorFile
@@ -58,12 +58,12 @@ def check_endpoints(scenario: Scenario, chart_water: Water) -> None:
 
     NoWayError is raised if a wider region might connect them.
     """
-    chart, projection = chart_water.chart, chart_water.projection
+    chart = chart_water.chart
     water = shapely.get_parts(chart.water)
     bodies, dry = dict[str, set[int]](), dict[str, shapely.Point]()
-    given_places = np.array(list(scenario.stops.values()), dtype=float)
-    planar = given_places if scenario.is_planar else projection.to_plane(given_places)
-    places = dict(zip(scenario.stops, shapely.points(planar), strict=True))
+    places = dict(
+        zip(scenario.stops, shapely.points(planar_stops(scenario, chart_water)), strict=True)
+    )
     for (name, given), here in zip(scenario.stops.items(), places.values(), strict=True):
         inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
         if not inside and given == scenario.start and scenario.under_way is not None:
@@ -77,18 +77,20 @@ def check_endpoints(scenario: Scenario, chart_water: Water) -> None:
     if dry:
         wet = [places[name] for name in bodies]
         raise RequestError(
-            [not_in_water(scenario, name, dry[name], chart, projection, wet) for name in dry]
+            [not_in_water(scenario, name, dry[name], chart_water, wet) for name in dry]
         )
     (start, first), *others = bodies.items()
     for other, body in others:
         if not body & first:
             apart = water[[min(first), min(body)]]
             # A wider region does not connect water that land encloses.
-            open_ended = not scenario.is_planar and all(_reaches_edge(one, chart) for one in apart)
+            open_ended = not chart_water.is_planar and all(
+                _reaches_edge(one, chart) for one in apart
+            )
             small = int(shapely.area(apart).argmin())  # as a rule a pocket: it is left
             moved, kept = ((start, other), (other, start))[small]
-            roomy = _with_room(apart[1 - small], scenario, chart, [places[kept]])
-            distance, place = _nearest_water(scenario, places[moved], roomy, projection)
+            roomy = _with_room(apart[1 - small], _room(scenario), chart, [places[kept]])
+            distance, place = _nearest_water(places[moved], roomy, chart_water)
             text = (
                 f"{other} = {list(scenario.stops[other])} lies in another body of water than "
                 f"{start} = {list(scenario.stops[start])}: no water connects them in this chart. "
@@ -102,8 +104,7 @@ def not_in_water(
     scenario: Scenario,
     name: str,
     here: shapely.Point,
-    chart: renew.Chart,
-    projection: Projection,
+    chart_water: Water,
     wet: Sequence[shapely.Point] = (),
     margin_m: float = 0.0,
 ) -> str:
@@ -111,22 +112,28 @@ def not_in_water(
 
     The water joins the stops that are `wet`, with room for the vessel beyond a margin, if any does.
     """
-    roomy = _with_room(chart.water, scenario, chart, wet, margin_m / projection.scale)
-    distance, place = _nearest_water(scenario, here, roomy, projection)
-    obstacle = "land" if scenario.is_planar else "land, or within the margin around it"
+    chart, width = chart_water.chart, _room(scenario) + margin_m / chart_water.projection.scale
+    roomy = _with_room(chart.water, width, chart, wet)
+    distance, place = _nearest_water(here, roomy, chart_water)
+    is_planar = chart_water.is_planar
+    obstacle = "land" if is_planar else "land, or within the margin around it"
     if scenario.chart.depths:
         obstacle = "land or water too shallow for the vessel, or within the margin around them"
     return (
         f"{name} = {list(scenario.stops[name])} lies on {obstacle}, {distance} from the "
         f"nearest water with a way out at {place}; move it there, or further out if the vessel "
-        f"needs more room to turn{lakes_text(scenario)}"
+        f"needs more room to turn{'' if is_planar else lakes_text(scenario.chart)}"
     )
 
 
-def lakes_text(scenario: Scenario) -> str:
+def lakes_text(chart: ChartSpec) -> str:
     """Return a remark that the world's chart has no lakes; "" for a chart of the user's."""
-    is_sea_alone = not scenario.is_planar and has_world_land(scenario.chart)
-    return " (this chart has only the sea, without lakes and rivers)" * is_sea_alone
+    return " (this chart has only the sea, without lakes and rivers)" * has_world_land(chart)
+
+
+def _room(scenario: Scenario) -> float:
+    """Return the diameter of the fastest vessel's turning circle, planar metres."""
+    return 2 * planner_vessel(scenario.fastest_vessel).turning_radius
 
 
 def is_shut_in(case: Case, straits: Sequence[Strait], width: float) -> bool:
@@ -156,18 +163,13 @@ def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:
 
 
 def _with_room(
-    water: shapely.Geometry,
-    scenario: Scenario,
-    chart: renew.Chart,
-    stops: Sequence[shapely.Point],
-    margin: float = 0.0,
+    water: shapely.Geometry, width: float, chart: renew.Chart, stops: Sequence[shapely.Point]
 ) -> shapely.Geometry:
-    """Return the parts of water that join stops and the chart's edge, with room to turn on the way.
+    """Return the parts of water that join stops and the chart's edge, `width` off land all the way.
 
     Where there are none, the parts that do one of the two, or else all the water.
     """
-    vessel, edge = planner_vessel(scenario.fastest_vessel), chart.extent.exterior
-    width = margin + 2 * vessel.turning_radius
+    edge = chart.extent.exterior
     parts = shapely.get_parts(shapely.buffer(water, -width, quad_segs=_QUADRANT_SEGMENTS))
     for ends in ([*stops, edge], [edge], stops):
         joins = shapely.dwithin(parts[:, None], np.array(ends, dtype=object), 2 * width)
@@ -177,12 +179,13 @@ def _with_room(
 
 
 def _nearest_water(
-    scenario: Scenario, here: shapely.Point, water: shapely.Geometry, projection: Projection
+    here: shapely.Point, water: shapely.Geometry, chart_water: Water
 ) -> tuple[str, str]:
     """Return the distance to the nearest water and its position, as a scenario would write it."""
+    projection = chart_water.projection
     line = shapely.get_coordinates(shapely.shortest_line(here, water))
     shore, here_xy = line[-1], line[0]
-    if scenario.is_planar:
+    if chart_water.is_planar:
         return f"{np.linalg.norm(shore - here_xy):.4g} m", f"[{shore[0]:.6g}, {shore[1]:.6g}]"
     ahead = (shore - here_xy) / max(float(np.linalg.norm(shore - here_xy)), 1e-12)
     # Beyond the shore, so that rounding does not move it back onto land.
@@ -195,13 +198,13 @@ def _nearest_water(
     return distance, f"[{lon:.{_DECIMALS}f}, {lat:.{_DECIMALS}f}]"
 
 
-def area_identities(scenario: Scenario) -> tuple[object, ...]:
-    """Return the avoided areas of a scenario, each with the identity of its file."""
-    return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
+def area_identities(avoid: Iterable[AvoidedArea]) -> tuple[object, ...]:
+    """Return avoided areas, each with the identity of its file."""
+    return tuple((area.model_dump(mode="json"), _file(area).identity) for area in avoid)
 
 
 def avoided_zones(
-    scenario: Scenario, region: shapely.Polygon
+    avoid: Iterable[AvoidedArea], region: shapely.Polygon
 ) -> tuple[tuple[Zone, ...], tuple[Note, ...]]:
     """Return the avoided areas near a region (lon/lat degrees), in their order, and notes on them.
 
@@ -211,7 +214,7 @@ def avoided_zones(
         A file can't be read, or has no area near the region; all faults are listed.
     """
     zones, notes, faults = list[Zone](), list[Note](), list[str]()
-    for at, area in enumerate(scenario.avoid):
+    for at, area in enumerate(avoid):
         try:
             land = _file(area).land(region)
         except RequestError as error:
@@ -243,13 +246,13 @@ def hours_text(area: AvoidedArea) -> str:
 
 
 def shut_polygons(
-    scenario: Scenario, zones: Iterable[Zone], projection: Projection
+    avoid: Iterable[AvoidedArea], zones: Iterable[Zone], projection: Projection
 ) -> tuple[tuple[AvoidedArea, Zone, shapely.Geometry], ...]:
     """Return each area that is shut for some time, its zone, and its polygons in the plane."""
     shut = [zone for zone in zones if zone.kind == "shut"]
     return tuple(
         (area, zone, shapely.union_all(in_plane([zone.area], projection)))
-        for area, zone in zip(scenario.avoid, shut, strict=True)
+        for area, zone in zip(avoid, shut, strict=True)
     )
 
 
@@ -284,17 +287,6 @@ def shut_notes(planned: Iterable[tuple[Case, CaseResult]]) -> tuple[Note, ...]:
     )
 
 
-def known_clock(scenario: Scenario, season: Season) -> datetime | None:
-    """Return a season's first departure if its plan depends on the date, else None."""
-    depends = (
-        season.is_changing
-        or season.speed is not None
-        or scenario.tide is not None
-        or any(area.has_hours for area in scenario.avoid)
-    )
-    return season.first_departure if depends else None
-
-
 def _file(area: AvoidedArea) -> VectorFile:
     """Return the reader of an area's file."""
     keys = area.model_dump(exclude={"from", "begin", "until"})
@@ -306,13 +298,11 @@ def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) 
     return otherwise if moment is None or begin is None else (moment - begin).total_seconds()
 
 
-def fetched_plane(scenario: Scenario) -> Fetched:
-    """Return the obstacles as land, and no currents: `plane_scene` reads the currents later."""
-    projection = _projection(scenario)
-    credit = Credit(
-        name="Obstacles of the scenario", kind="land", text=_plane(scenario).credit, licence=""
-    )
-    polygons = tuple(projection.geometry_to_lonlat(polygon) for polygon in _obstacles(scenario))
+def fetched_plane(plane: Plane, scale: float) -> Fetched:
+    """Return the obstacles as land, and no currents: `plane_current` reads them later."""
+    projection = _projection(scale)
+    credit = Credit(name="Obstacles of the scenario", kind="land", text=plane.credit, licence="")
+    polygons = tuple(projection.geometry_to_lonlat(polygon) for polygon in _obstacles(plane))
     return Fetched(Land(polygons, (credit,), accuracy_m=0.0), ())
 
 
@@ -329,35 +319,32 @@ def unsimplified(land: Land) -> SimplifiedLand:
     )
 
 
-def plane_water(scenario: Scenario) -> Water:
+def plane_water(scenario: Scenario, plane: Plane) -> Water:
     """Build the chart from the given metres; a detour over lon/lat would round them."""
-    obstacles = _obstacles(scenario)
-    water = Water(
-        renew.Chart(scenario.area, obstacles), obstacles, _projection(scenario), is_planar=True
-    )
+    obstacles, projection = _obstacles(plane), _projection(scenario.scale)
+    water = Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
     check_endpoints(scenario, water)
     return water
 
 
-def _plane(scenario: Scenario) -> Plane:
-    """Return the scenario's plane, or raise RequestError."""
-    if scenario.plane is None:
-        raise RequestError("the scenario has neither region nor plane; give one of the two")
-    return scenario.plane
+def planar_stops(scenario: Scenario, water: Water) -> FloatArray:
+    """Return start, via points and goal in the plane (n + 2, 2)."""
+    given = np.array([*scenario.stops.values()], dtype=float)
+    return given if water.is_planar else water.projection.to_plane(given)
 
 
-def _obstacles(scenario: Scenario) -> tuple[shapely.Polygon, ...]:
+def _obstacles(plane: Plane) -> tuple[shapely.Polygon, ...]:
     """Return the obstacles as polygons in metres."""
-    return tuple(shapely.Polygon(corners) for corners in _plane(scenario).obstacles)
+    return tuple(shapely.Polygon(corners) for corners in plane.obstacles)
 
 
-def _projection(scenario: Scenario) -> Projection:
+def _projection(scale: float) -> Projection:
     """Return the projection whose origin, 0 N 0 E, is that of the plane."""
-    return Projection.at(0.0, 0.0, scenario.scale)
+    return Projection.at(0.0, 0.0, scale)
 
 
 def plane_current(season: Season, extent: shapely.Polygon) -> Current:
-    """Return the gyre or uniform current of a season."""
+    """Return the gyre or uniform current of a case."""
     if season.gyre is not None:
         _, _, width, height = extent.bounds
         return renew.GyreCurrent(
@@ -377,13 +364,13 @@ _FLAT = math.cos(math.pi / 4 / _BUFFER_SEGMENTS)
 
 
 def tidal_depth(
-    scenario: Scenario,
+    spec: TideSpec | None,
+    chart: ChartSpec,
     land: Land,
     simplified: SimplifiedLand,
-    extent: shapely.Polygon,
-    projection: Projection,
+    water: Water,
 ) -> Callable[[datetime | None], renew.TidalDepth | None]:
-    """Return the tidal water in an extent, planar m, on any clock that begins at a departure.
+    """Return the tidal water of a chart in the plane, on any clock that begins at a departure.
 
     Areas are grown by the chart's margin, as land is. Where land parts them from every station, so
     that none is near by water, they are never deep enough.
@@ -393,17 +380,18 @@ def tidal_depth(
     RequestError
         Chart and stations have different datums, or some water has no station near it.
     """
-    if scenario.tide is None:
+    if spec is None:
         return lambda _: None
-    stations = stations_of(scenario.tide)
-    _check_datum(scenario, land, stations)
+    stations = stations_of(spec)
+    _check_datum(chart, land, stations)
+    extent, projection = water.chart.extent, water.projection
     areas, needs, names, of = list[shapely.Polygon](), list[float](), list[str](), list[int]()
     shore = projection.geometry_to_plane(np.array(simplified.inner_polygons, dtype=object))
     zones, unknown = tide_zones(stations, extent, projection, extract_polygons(repaired(shore)[0]))
     outside = shapely.difference(extent, shapely.union_all([*zones, unknown]))
     given = np.array([one.area for one in land.tidal_water], dtype=object)
     grown = _grown(projection.geometry_to_plane(given), simplified, projection.scale)
-    for water, area in zip(land.tidal_water, grown.tolist(), strict=True):
+    for tidal, area in zip(land.tidal_water, grown.tolist(), strict=True):
         far = extract_polygons(shapely.intersection(area, outside))
         if len(far):
             refuse_far_water(shapely.point_on_surface(far[0]), stations, projection)
@@ -411,11 +399,9 @@ def tidal_depth(
             is_known = at < len(zones)
             parts = extract_polygons(shapely.intersection(area, zone)).tolist()
             areas += parts
-            needs += [water.need_m if is_known else _NEVER_M] * len(parts)
-            names += [water.name] * len(parts)
+            needs += [tidal.need_m if is_known else _NEVER_M] * len(parts)
+            names += [tidal.name] * len(parts)
             of += [at if is_known else 0] * len(parts)
-
-    spec = scenario.tide
 
     def on_clock(departure: datetime | None) -> renew.TidalDepth | None:
         if departure is None:
@@ -427,17 +413,17 @@ def tidal_depth(
     return on_clock
 
 
-def tide_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) -> Iterator[Note]:
+def tide_notes(tide: TideSpec | None, planned: Sequence[tuple[Case, CaseResult]]) -> Iterator[Note]:
     """Yield notes on the tide relied on, on the least water, and on water that is too shallow."""
-    if scenario.tide is None:
+    if tide is None:
         return
-    stations = stations_of(scenario.tide)
+    stations = stations_of(tide)
     yield Note.of(
         "tide-relied-on",
         stations=tuple(station.name for station in stations),
         datum=stations[0].datum,
-        lag_min=scenario.tide.lag_s / 60,
-        surge_m=scenario.tide.surge_m,
+        lag_min=tide.lag_s / 60,
+        surge_m=tide.surge_m,
     )
     for case, depth in [(case, case.tidal_depth) for case, _ in planned if case.tidal_depth][:1]:
         for at in np.flatnonzero(np.asarray(depth.needs) == _NEVER_M)[:1]:
@@ -483,11 +469,11 @@ def _next_hours(
     return case.moment(begin), case.moment(until)
 
 
-def _check_datum(scenario: Scenario, land: Land, stations: Sequence[Station]) -> None:
+def _check_datum(chart: ChartSpec, land: Land, stations: Sequence[Station]) -> None:
     """Refuse a chart without depths, and depths and tides that are not counted from one datum."""
-    stated, faults = scenario.chart.datum, list[str]()
+    stated, faults = chart.datum, list[str]()
     # A grid does not state its datum, whatever the cells beside it state.
-    datum = stated or ("" if scenario.chart.depths else land.datum)
+    datum = stated or ("" if chart.depths else land.datum)
     if land.depths is None:
         raise RequestError(
             "[tide] needs a chart with depths; give S-57 cells (chart.source, --charts) or a grid "

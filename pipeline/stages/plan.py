@@ -79,7 +79,7 @@ def plan_cases(
 ) -> Artefact[tuple[CaseResult, ...]]:
     """Plan each case and measure its routes; a case that fails does not stop the others.
 
-    Returns the results of all seasons of the scenario, in its order.
+    Returns the results of all cases, in the scenario's order.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def plan_cases(
     cases = {case.name: case for case in chosen.cases.value}
     done = {task.case: result for task in tasks if (result := task.result()) is not None}
     waiting = [task for task in tasks if task.case not in done]
-    crashed = dict(chosen.data.failures)
+    crashed = dict(chosen.fetched.failures)
 
     def report(status: Status) -> None:
         if status.crashed:
@@ -152,27 +152,28 @@ def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -
 
 def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iterator[CaseTask]:
     """Yield a task for each case."""
-    scenario, parts = chosen.scenario, chosen.data
+    scenario, fetched = chosen.scenario, chosen.fetched
     options, explains_gap = scenario.planner, scenario.outputs.explain_gap
+    scene = scene_inputs(scenario)
     havens: tuple[renew.Haven, ...] = ()
     if scenario.havens is not None and scenario.under_way is not None:
         havens = tuple(havens_in(scenario, chosen.cases.value[0].water)[0])
     # The file of the havens may change, so their places count.
     places = [(one.name, *one.place.tolist()) for one in havens]
     for case in chosen.cases.value:
-        if case.name not in parts.current_keys:
+        if case.name not in fetched.current_keys:
             continue  # no departure was found for it
         # The key of all cases is not used: it depends on the other cases' currents, too.
         plan_key = artefact_key(
             "plan",
             land.key,
-            parts.current_keys[case.name],
-            scene_inputs(scenario),
+            fetched.current_keys[case.name],
+            scene,
             options.model_dump(mode="json"),
             case.speeds,
             places,
         )
-        measures_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
+        measures_key = artefact_key("evaluate", plan_key, fetched.land_key, explains_gap)
         yield CaseTask(
             case=case.name,
             cases_path=store.path("project", chosen.cases.key),

@@ -6,7 +6,7 @@ near the coast. A current's members come from its source, or are the current wit
 """
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
@@ -33,14 +33,14 @@ from pipeline.model import (
     planner_vessel,
 )
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import MembersSpec, Season
+from pipeline.scenario.season import MembersSpec
 from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,
-    known_clock,
+    planar_stops,
     plane_current,
     plane_water,
     shut_areas,
@@ -64,14 +64,13 @@ _MAX_ASPECT = 4
 def projected(
     scenario: Scenario,
     fetched: Fetched,
-    current_keys: Mapping[str, str],
     land: Artefact[SimplifiedLand],
     store: Store,
     before: VoyageBefore | None = None,
 ) -> Artefact[tuple[Case, ...]]:
-    """Build a scenario's cases, or load them from the store; `current_keys` is keyed by season.
+    """Build a scenario's cases, or load them from the store.
 
-    With a voyage `before`, the keys depend on it, too.
+    With a voyage `before`, the keys of the currents depend on it, too.
 
     Raises
     ------
@@ -87,7 +86,7 @@ def projected(
         return tuple(replace(case, before=before) for case in made)
 
     speeds = [SpeedChoice.of(season) for season in scenario.seasons]
-    inputs = land.key, dict(current_keys), scene_inputs(scenario), speeds
+    inputs = land.key, dict(fetched.current_keys), scene_inputs(scenario), speeds
     return store.artefact("project", tuple, inputs, make)
 
 
@@ -103,12 +102,12 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     clocks = {season.name: season.first_departure for season in scenario.seasons}
     tide = None if scenario.tide is None else (scenario.tide, stations_of(scenario.tide))
     datum = scenario.chart.datum
-    avoid = area_identities(scenario)
+    avoid = area_identities(scenario.avoid)
     return {**inputs, "avoid": avoid, "clocks": clocks, "tide": tide, "datum": datum}
 
 
 def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) -> tuple[Case, ...]:
-    """Build a case for each season that has a current.
+    """Build a case for each season of the scenario that has a current.
 
     Raises
     ------
@@ -119,15 +118,20 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
     """
     water = water_of(scenario, fetched.land, simplified)
     grids = {grid.case: grid for grid in fetched.currents}
-    shut = shut_polygons(scenario, fetched.land.zones, water.projection)
-    tide = tidal_depth(scenario, fetched.land, simplified, water.chart.extent, water.projection)
+    shut = shut_polygons(scenario.avoid, fetched.land.zones, water.projection)
+    tide = tidal_depth(scenario.tide, scenario.chart, fetched.land, simplified, water)
+    has_hours = scenario.tide is not None or any(area.has_hours for area in scenario.avoid)
     stops = planar_stops(scenario, water)
     cases = []
     for season in scenario.seasons:
         grid = grids.get(season.name)
         if grid is None and not water.is_planar:
             continue
-        current = current_of(season, grid, water)
+        if grid is None:
+            current: Current = plane_current(season, water.chart.extent)
+        else:
+            current = planar_current(grid, water.projection, water.chart.bounds)
+        depends_on_date = season.is_changing or season.speed is not None or has_hours
         cases.append(
             Case(
                 season.name,
@@ -138,12 +142,12 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                 current,
                 via=stops[1:-1],
                 current_cells=None if grid is None else grid.cells,
-                departure=known_clock(scenario, season),
+                departure=season.first_departure if depends_on_date else None,
                 areas=shut_areas(shut, season.first_departure),
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
                 speeds=SpeedChoice.of(season),
-                members=members_of(water, scenario, season, current, grid),
+                members=members_of(water, season.members, scenario.planner.seed, current, grid),
             )
         )
     return tuple(cases)
@@ -151,8 +155,10 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
 
 def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Water:
     """Build the chart in the plane; errors are those of `project`."""
+    if scenario.plane is not None:
+        return plane_water(scenario, scenario.plane)
     if scenario.region is None:
-        return plane_water(scenario)
+        raise ValueError("the region is chosen before")
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
     no_go, inner_land = (
@@ -176,31 +182,18 @@ def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Wate
     return water
 
 
-def planar_stops(scenario: Scenario, water: Water) -> FloatArray:
-    """Return start, via points and goal in the plane (n + 2, 2)."""
-    given = np.array([*scenario.stops.values()], dtype=float)
-    return given if water.is_planar else water.projection.to_plane(given)
-
-
-def current_of(season: Season, grid: CurrentGrid | None, water: Water) -> Current:
-    """Return a season's current in the plane; without a grid it is given by numbers."""
-    if grid is None:
-        return plane_current(season, water.chart.extent)
-    return planar_current(grid, water.projection, water.chart.bounds)
-
-
 def members_of(
-    water: Water, scenario: Scenario, season: Season, current: Current, grid: CurrentGrid | None
+    water: Water, spec: MembersSpec | None, seed: int, current: Current, grid: CurrentGrid | None
 ) -> MemberCurrents | None:
-    """Return the members of a season's planar current, or None where it has none.
+    """Return the members of a planar current, or None where it has none.
 
     `grid` is the current as its source has it; a plane has none.
     """
-    spec, bounds = season.members, water.chart.bounds
+    bounds = water.chart.bounds
     if spec is None:
         return None
     if spec.spread is not None:
-        return stirred(current, spec, bounds, scenario.scale, scenario.planner.seed)
+        return stirred(current, spec, bounds, water.projection.scale, seed)
     planar = partial(planar_current, projection=water.projection, bounds=bounds)
     return None if grid is None else from_source(grid, spec, planar)
 

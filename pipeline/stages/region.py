@@ -16,7 +16,7 @@ from pipeline.findings.note_words import MORE_CURRENTS
 from pipeline.findings.result import RunResult
 from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, Projection, bounds_of, common_bounds
 from pipeline.machine.store import DOWNLOADS, Store, artefact_key
-from pipeline.model import Note
+from pipeline.model import Note, Water
 from pipeline.model.inputs import LandSource
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
@@ -45,24 +45,13 @@ _LOOK_M = 20_000.0
 _MARGIN_M = 50.0
 
 
-@dataclass(frozen=True, slots=True)
-class SourceCoverage:
-    """Bounds that the currents of all seasons cover, and the source that limits each side.
-
-    The order is west, south, east, north. A source is "" if only the world's edge limits that side.
-    """
-
-    bounds: Bounds
-    sources: tuple[str, str, str, str]
-
-
 def least_region(*stops: Point) -> shapely.Polygon:
     """Return the line through all stops with a small margin; every region contains it."""
     return shapely.LineString(stops).buffer(_AROUND_DEG)
 
 
 def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
-    """Yield a message for each reason why no region or source covers some seasons and stops.
+    """Yield a message for each reason why no region or source covers some cases and stops.
 
     The area is the region or, without one, the stops. Each caller that plans calls this first,
     because loading a scenario file does not check the sources.
@@ -88,13 +77,13 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
 
 
 def require_covered(scenario: Scenario) -> None:
-    """Raise RequestError if no source covers a season, with a line for each reason."""
+    """Raise RequestError if no source covers a case, with a line for each reason."""
     if faults := list(uncovered_seasons(scenario)):
         raise RequestError(faults)
 
 
 def require_sailable(scenario: Scenario) -> None:
-    """Raise RequestError if no source covers a season or a stop lies on land."""
+    """Raise RequestError if no source covers a case or a stop lies on land."""
     if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
         raise RequestError(faults)
 
@@ -110,7 +99,7 @@ def require_whole_files(scenario: Scenario) -> None:
     region = least_region(*scenario.stops.values())
     if scenario.region is not None:
         region = scenario.region.shape
-        faults.collect(lambda: avoided_zones(scenario, region))
+        faults.collect(lambda: avoided_zones(scenario.avoid, region))
     for area in scenario.avoid if scenario.region is None else ():
         version = (Path(area.path).stat().st_mtime_ns,)
         faults.collect(partial(open_layer, Path(area.path), area.layer, area.crs, version))
@@ -124,27 +113,36 @@ def require_whole_files(scenario: Scenario) -> None:
 
 def covered_by_currents(
     seasons: Sequence[Season], direct: DirectLine, folder: Path, *, offline: bool
-) -> SourceCoverage:
-    """Return the area that the first usable source of every season covers.
+) -> tuple[Bounds, tuple[str, ...]]:
+    """Return the bounds that the first usable source of every case covers, and what limits them.
 
-    A usable source is available and covers start and goal. A season without a usable source is
+    The second value is the source that limits each side, as in SIDES; "" for the world's edge.
+    A usable source is available and covers start and goal. A case without a usable source is
     ignored here, and fails later. Downloads are cached in `folder`.
 
     Raises
     ------
     RequestError
-        No season has a usable source; the message has a line for each reason.
+        No case has a usable source, with a line for each reason; or the cases' sources have no
+        water in common.
     """
     middle = (direct.start[0] + direct.goal[0]) / 2
     world = (max(middle - 180, -180), -MAX_LATITUDE, min(middle + 180, 360), MAX_LATITUDE)
-    found = SourceCoverage(world, ("", "", "", ""))
+    limits, sources = world, ("",) * len(SIDES)
     reasons: dict[str, list[str]] = {}
     for season in seasons:
-        covered, why = _of_season(season, world, direct, folder, offline=offline)
-        if covered is None:
-            reasons.setdefault(why, []).append(repr(season.name))
-        else:
-            found = _intersection(found, covered)
+        bounds, text = _covered_by(season, world, direct, folder, offline=offline)
+        if bounds is None:
+            reasons.setdefault(text, []).append(repr(season.name))
+            continue
+        common = common_bounds(limits, bounds)
+        if common is None:
+            raise RequestError("the seasons' currents have no water in common; plan each by itself")
+        sources = tuple(
+            text if edge == its_edge != limit else source
+            for edge, its_edge, limit, source in zip(common, bounds, limits, sources, strict=True)
+        )
+        limits = common
     if sum(map(len, reasons.values())) == len(seasons):
         raise RequestError(
             [
@@ -153,13 +151,13 @@ def covered_by_currents(
                 for why, names in reasons.items()
             ]
         )
-    return found
+    return limits, sources
 
 
-def _of_season(
+def _covered_by(
     season: Season, world: Bounds, direct: DirectLine, folder: Path, *, offline: bool
-) -> tuple[SourceCoverage | None, str]:
-    """Return the coverage of a season's first usable source, or None and the reason."""
+) -> tuple[Bounds | None, str]:
+    """Return bounds and name of a case's first usable source, or None and why there is none."""
     ends = least_region(direct.start, direct.goal)
     reasons = []
     for named in season.currents:
@@ -172,23 +170,9 @@ def _of_season(
                 reason = f"{name} needs the network; leave --offline out"
         bounds = source.covered_bounds(shapely.box(*world), season)
         if not reason and bounds is not None:
-            return SourceCoverage(bounds, (name, name, name, name)), ""
+            return bounds, name
         reasons.append(reason or f"{name} has no data there")
     return None, "; ".join(reasons)
-
-
-def _intersection(one: SourceCoverage, other: SourceCoverage) -> SourceCoverage:
-    """Return the intersection of two coverages that both contain start and goal."""
-    bounds = common_bounds(one.bounds, other.bounds)
-    if bounds is None:
-        raise RequestError("the seasons' currents have no water in common; plan each by itself")
-    west, south, east, north = (
-        theirs if edge == limit and edge != ours_edge else ours
-        for edge, limit, ours_edge, ours, theirs in zip(
-            bounds, other.bounds, one.bounds, one.sources, other.sources, strict=True
-        )
-    )
-    return SourceCoverage(bounds, (west, south, east, north))
 
 
 def endpoints_on_land(scenario: Scenario) -> list[str]:
@@ -215,13 +199,13 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat:
             projection.geometry_to_plane(region), projection.geometry_to_plane(land)
         )
     except renew.GeometryError:
-        remedy = _remedy(source, lon, lat) or f"move it into water{lakes_text(scenario)}"
+        remedy = _remedy(source, lon, lat) or f"move it into water{lakes_text(scenario.chart)}"
         return (
             f"{name} = {[lon, lat]} lies on land, more than {_LOOK_M / 1000:.0f} km from the "
             f"nearest water; {remedy}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
-    return not_in_water(scenario, name, here, chart, projection, margin_m=_MARGIN_M)
+    return not_in_water(scenario, name, here, Water(chart, (), projection), margin_m=_MARGIN_M)
 
 
 def _remedy(source: LandSource, lon: float, lat: float) -> str:
@@ -275,10 +259,14 @@ MAX_WIDENINGS = 3
 
 @dataclass(frozen=True, slots=True)
 class ChosenRegion:
-    """Bounds of a region in degrees, the coverage that limits them, and notes for the report."""
+    """A region's bounds, degrees, within the `limits` of the currents, and notes for the report.
+
+    `sources` are those that limit each side, as in SIDES; `direct` is the longest leg.
+    """
 
     bounds: Bounds
-    coverage: SourceCoverage
+    limits: Bounds
+    sources: tuple[str, ...]
     direct: DirectLine
     notes: tuple[Note, ...] = ()
 
@@ -297,8 +285,8 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     """
     lines = [DirectLine.between(*ends) for ends in pairwise(scenario.stops.values())]
     folder = store.root / DOWNLOADS
-    # The coverage of each leg; all legs have the same sources.
-    *_, coverage = (
+    # Every leg must be covered; all legs have the same sources.
+    *_, (limits, sources) = (
         covered_by_currents(scenario.seasons, line, folder, offline=offline) for line in lines
     )
     direct = max(lines, key=lambda line: line.distance_m)
@@ -313,14 +301,14 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
         return LandMask.of(source.land(box).polygons, bounds)
 
     stops = tuple(scenario.stops.values())
-    key = artefact_key("region", source.identity, *stops, coverage.bounds)
+    key = artefact_key("region", source.identity, *stops, limits)
 
     def choose() -> list[tuple[Bounds, bool]]:
-        return [choose_region(line, mask_of, coverage.bounds) for line in lines]
+        return [choose_region(line, mask_of, limits) for line in lines]
 
     choices = store.load_or_make("region", key, list, choose)
     bounds = bounds_of([bounds for bounds, _ in choices])
-    chosen = ChosenRegion(bounds, coverage, direct)
+    chosen = ChosenRegion(bounds, limits, sources, direct)
     note = Note.of(
         "region-chosen",
         bounds=bounds,
@@ -336,7 +324,7 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
     Returns None if no route comes near a side, or the currents end there; see `edge_notes`.
     """
     near = sides_near(chosen.bounds, paths, chosen.direct.margin_m)
-    bounds = grown(chosen.bounds, near, chosen.direct.margin_m, chosen.coverage.bounds)
+    bounds = grown(chosen.bounds, near, chosen.direct.margin_m, chosen.limits)
     if bounds == chosen.bounds:
         return None
     sides = tuple(SIDES[side] for side in near)
@@ -346,7 +334,7 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
 
 def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
     """Widen a region without a way from start to goal; None if its currents reach no further."""
-    bounds = opened(chosen.bounds, chosen.direct.distance_m, chosen.coverage.bounds)
+    bounds = opened(chosen.bounds, chosen.direct.distance_m, chosen.limits)
     if bounds == chosen.bounds:
         return None
     note = Note.of("region-opened", bounds=bounds)
@@ -362,11 +350,11 @@ def edge_notes(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> tuple[Note,
 
 def _ends_of_currents(chosen: ChosenRegion, sides: Sequence[int]) -> tuple[Note, ...]:
     """Return a note for each source whose coverage limits the region on some of these sides."""
-    limits, sources = chosen.coverage.bounds, chosen.coverage.sources
     ending: dict[str, list[str]] = {}
     for side in sides:
-        if sources[side] and chosen.bounds[side] == limits[side]:
-            ending.setdefault(sources[side], []).append(SIDES[side])
+        source = chosen.sources[side]
+        if source and chosen.bounds[side] == chosen.limits[side]:
+            ending.setdefault(source, []).append(SIDES[side])
     return tuple(
         Note.of("currents-end", sides=tuple(names), source=source)
         for source, names in ending.items()

@@ -13,7 +13,7 @@ The steps, in true metres in the plane that is centred on the region:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, pairwise
 
 import numpy as np
@@ -109,24 +109,31 @@ def simplify_land(
     """
     used_margin_m, notes = _margin_used(margin_m, accuracy_m)
     plane = replace(projection or Projection.for_region(region), scale=1.0)
-    area = _Area.of(region, plane, endpoints)
+    extent = plane.geometry_to_plane(region, MAX_EDGE_M)
+    shapely.prepare(extent)
+    xmin, ymin, xmax, ymax = extent.bounds
+    diagonal_m = math.hypot(xmax - xmin, ymax - ymin)
+    ends = plane.to_plane(np.array(endpoints, dtype=np.float64).reshape(-1, 2))
     if tolerance_m is None:
-        tolerance_m = chosen_tolerance_m(accuracy_m, turning_radius_m, area.diagonal_m)
-    rounding_m = _ROUNDING * area.diagonal_m
-    planar_m = used_margin_m * area.stretch + rounding_m
-    overlap_m = max(_OVERLAP * area.diagonal_m, 2 * used_margin_m)
-    window = area.extent.buffer(overlap_m + planar_m + tolerance_m, join_style="mitre")
+        tolerance_m = chosen_tolerance_m(accuracy_m, turning_radius_m, diagonal_m)
+    rounding_m = _ROUNDING * diagonal_m
+    stretch = max(1.0, float(plane.point_scale(shapely.get_coordinates(region)).max()))
+    planar_m = used_margin_m * stretch + rounding_m
+    overlap_m = max(_OVERLAP * diagonal_m, 2 * used_margin_m)
+    window = extent.buffer(overlap_m + planar_m + tolerance_m, join_style="mitre")
     land = _planar_land(polygons, plane, window)
     cover = opened(
-        covering_land(land, tolerance_m, planar_m, area.endpoints),
+        covering_land(land, tolerance_m, planar_m, ends),
         land,
-        area.extent,
-        area.endpoints,
+        extent,
+        ends,
         planar_m + tolerance_m,
     )
-    outer = area.within(cover.land)
-    inner = area.within(inner_land(land, tolerance_m, rounding_m))
-    check(outer, inner, area.within(land), area.endpoints, plane)
+    outer, inner, charted = (
+        polygons[shapely.intersects(extent, polygons)]
+        for polygons in (cover.land, inner_land(land, tolerance_m, rounding_m), land)
+    )
+    check(outer, inner, charted, ends, plane)
     return SimplifiedLand(
         polygons=tuple(plane.geometry_to_lonlat(outer).tolist()),
         inner_polygons=tuple(plane.geometry_to_lonlat(inner).tolist()),
@@ -147,38 +154,6 @@ def chosen_tolerance_m(accuracy_m: float, turning_radius_m: float, diagonal_m: f
     because a route turns by one to two radians in total round the capes that it passes.
     """
     return max(accuracy_m, _OF_RADIUS * turning_radius_m, _OF_DIAGONAL * diagonal_m)
-
-
-@dataclass(frozen=True, slots=True)
-class _Area:
-    """The region and the endpoints (n, 2) in the plane.
-
-    `stretch` is the plane's largest point scale in the region (at least 1).
-    """
-
-    extent: shapely.Polygon
-    endpoints: FloatArray
-    diagonal_m: float
-    stretch: float
-
-    @classmethod
-    def of(
-        cls, region: shapely.Polygon, plane: Projection, endpoints: Sequence[tuple[float, float]]
-    ) -> "_Area":
-        """Project a region and its endpoints (lon/lat degrees)."""
-        extent = plane.geometry_to_plane(region, MAX_EDGE_M)
-        shapely.prepare(extent)
-        xmin, ymin, xmax, ymax = extent.bounds
-        return cls(
-            extent=extent,
-            endpoints=plane.to_plane(np.array(endpoints, dtype=np.float64).reshape(-1, 2)),
-            diagonal_m=math.hypot(xmax - xmin, ymax - ymin),
-            stretch=max(1.0, float(plane.point_scale(shapely.get_coordinates(region)).max())),
-        )
-
-    def within(self, polygons: Geometries) -> Geometries:
-        """Return the polygons that intersect the extent."""
-        return np.asarray(polygons[shapely.intersects(self.extent, polygons)])
 
 
 def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tuple[Note, ...]]:

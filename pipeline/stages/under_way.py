@@ -22,13 +22,12 @@ from pipeline.findings.text import json_value
 from pipeline.geo.projection import Projection
 from pipeline.machine.paths import expanded, shown, unreadable_reason
 from pipeline.machine.store import Artefact, artefact_key
-from pipeline.model import Case, CaseResult, SimplifiedLand, VoyageBefore
+from pipeline.model import Case, CaseResult, Fetched, SimplifiedLand, VoyageBefore
 from pipeline.model.case import true_duration_s
 from pipeline.model.inputs import current_hash, land_hash
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.stages.choose import Chosen
-from pipeline.stages.fetch import FetchedData
 from renew.underway.lead import abeam
 
 # Distance from the plan beyond which a position is taken for a mistake, m.
@@ -76,10 +75,11 @@ def case_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
     """
     where, name = f"RESULTS: {shown(voyage.results)}", voyage.season
     own = tuple(one for one in chosen.scenario.seasons if one.name == name)
-    key = chosen.data.current_keys.get(name)
+    fetched = chosen.fetched
+    key = fetched.current_keys.get(name)
     case = next((one for one in chosen.cases.value if one.name == name), None)
     if not own or key is None or case is None or case.follows:
-        why = chosen.data.failures.get(name, "its scenario has no such season of its own")
+        why = fetched.failures.get(name, "its scenario has no such season of its own")
         raise RequestError(f"{where} can't be made again: season {name!r}: {why}")
     departure = own[0].departure
     if departure is not None and departure != voyage.departed:
@@ -87,7 +87,6 @@ def case_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
             f"under_way.departed = {voyage.departed.isoformat()} is not the departure of the "
             f"plan, {departure.isoformat()}; give that one"
         )
-    fetched = chosen.data.fetched
     grids = tuple(one for one in fetched.currents if one.case == name)
     now = {"land": land_hash(fetched.land), "current": current_hash(grids[0])}
     then = finished_season(Path(voyage.results), name).hashes
@@ -97,11 +96,11 @@ def case_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
             "now: give that plan's files their old content again, or plan from here by renew go"
         )
     notes = tuple(one for one in fetched.notes if not one.cases or name in one.cases)
-    alone = replace(fetched, currents=grids, notes=notes)
+    alone = replace(fetched, currents=grids, notes=notes, current_keys={name: key}, failures={})
     return replace(
         chosen,
         scenario=chosen.scenario.model_copy(update={"seasons": own}),
-        data=replace(chosen.data, fetched=alone, current_keys={name: key}, failures={}),
+        fetched=alone,
         cases=Artefact(chosen.cases.key, (case,)),
     )
 
@@ -168,21 +167,19 @@ class PlanSailed:
         via = tuple(one for one in asked.via if one not in passed)
         return asked.model_copy(update={"via": via})
 
-    def data(self, asked: Scenario) -> FetchedData:
-        """Return the data of the plan for the season asked for, whose clock begins later."""
-        (season,), data = asked.seasons, self.chosen.data
-        (grid,), shift_s = data.fetched.currents, self._passed_s(asked)
+    def data(self, asked: Scenario) -> Fetched:
+        """Return the data of the plan for the case asked for, whose clock begins later."""
+        (season,), fetched = asked.seasons, self.chosen.fetched
+        (grid,), shift_s = fetched.currents, self._passed_s(asked)
         times_s = grid.times_s - shift_s if grid.changes else grid.times_s
-        key = artefact_key("under way", data.current_keys[self.voyage.season], shift_s)
+        key = artefact_key("under way", fetched.current_keys[self.voyage.season], shift_s)
         return replace(
-            data,
-            fetched=replace(
-                data.fetched, currents=(replace(grid, case=season.name, times_s=times_s),)
-            ),
+            fetched,
+            currents=(replace(grid, case=season.name, times_s=times_s),),
             current_keys={season.name: key},
         )
 
-    def keyed(self, asked: Scenario, data: FetchedData) -> FetchedData:
+    def keyed(self, asked: Scenario, data: Fetched) -> Fetched:
         """Return the data asked for, under keys that depend on the plan as well."""
         voyage = self.voyage.model_dump(mode="json", exclude={"results"})
         keys = {

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 from typing import TypeVar
 
 import numpy as np
@@ -30,14 +31,6 @@ _NEAR_CELLS = 5
 _MIN_CELLS = 10
 # Number of cells below which an island is not looked at.
 _FEW_CELLS = 3
-
-
-@dataclass(frozen=True)
-class GridPath:
-    """A path through water: cells (n, 2) of row and column, and its length in metres."""
-
-    cells: IndexArray
-    length_m: float
 
 
 @dataclass(frozen=True)
@@ -131,11 +124,14 @@ class WaterGrid:
         large = (one for one in self.large_islands if self._size[one] >= _MIN_CELLS)
         return [one for one in large if one in beyond]
 
-    def shortest_paths(self, start: Cell, goal: Cell, island: int = 0) -> list[GridPath]:
+    def shortest_paths(
+        self, start: Cell, goal: Cell, island: int = 0
+    ) -> list[tuple[float, IndexArray]]:
         """Return the shortest path between two cells of water; with an island, on either side.
 
         Steps go to the eight neighbours. A diagonal step needs water in both cells beside it, so
-        that no path passes between cells of land that touch at a corner.
+        that no path passes between cells of land that touch at a corner. Each path is its length,
+        m, and its cells (n, 2) of row and column.
 
         With an island there are up to two paths, the shorter one first. A ray leads from the island
         to the east. Paths that cross it an even number of times pass the island on one side, the
@@ -159,8 +155,8 @@ class WaterGrid:
             while cells[-1] != origin:
                 cells.append(int(before[cells[-1]]))
             places = np.array(cells[::-1]) % size
-            found.append(GridPath(np.stack(np.divmod(places, width), axis=1), float(reached[end])))
-        return sorted(found, key=lambda path: path.length_m)
+            found.append((float(reached[end]), np.stack(np.divmod(places, width), axis=1)))
+        return sorted(found, key=itemgetter(0))
 
     def _two_copies(self, island: int) -> tuple[IndexArray, IndexArray, FloatArray]:
         """Return the steps on two copies of the cells, and between them across an island's ray."""
@@ -305,19 +301,21 @@ def _around_ways(
     direct: DirectLine,
     grid: WaterGrid,
     ends: tuple[Cell, Cell],
-    shortest: GridPath,
+    shortest: tuple[float, IndexArray],
     limits: Bounds,
 ) -> tuple[Bounds, bool]:
     """Choose a region that holds the shortest way, and the ways round the islands beside it."""
+    shortest_m, shortest_cells = shortest
 
     def around(island: int, longest: float) -> Bounds | None:
         """Return the bounds of an island and the way on its far side; None if that is too long."""
         ways = grid.shortest_paths(*ends, island)
-        if len(ways) == 1 or ways[-1].length_m > longest * shortest.length_m:
+        length_m, cells = ways[-1]
+        if len(ways) == 1 or length_m > longest * shortest_m:
             return None
-        return bounds_of([grid.bounds_of(ways[-1].cells), grid.bounds_of_island(island)])
+        return bounds_of([grid.bounds_of(cells), grid.bounds_of_island(island)])
 
-    places = [bounds_of([direct.start, direct.goal]), grid.bounds_of(shortest.cells)]
+    places = [bounds_of([direct.start, direct.goal]), grid.bounds_of(shortest_cells)]
     places += filter(None, (around(one, _LONGEST_WAY) for one in _islands_between(direct, grid)))
     tried = set[int]()
     for _ in range(_MAX_ISLANDS):

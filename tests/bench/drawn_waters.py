@@ -251,14 +251,14 @@ def largest_between(
     first, last = grid.water_near(*start), grid.water_near(*goal)
     if first is None or last is None or not (ways := grid.shortest_paths(first, last)):
         return None
-    longest = longest_way * ways[0].length_m
+    longest = longest_way * ways[0][0]
     size = np.bincount(grid.islands.ravel())
     size[0] = 0
     largest_first = [int(one) for one in np.argsort(-size) if size[one] >= _LEAST_CELLS]
     inner = [island for island in largest_first if not grid.leaves(island)]
     for island in inner[:_TRIED]:
         ways = grid.shortest_paths(first, last, island)
-        if len(ways) > 1 and ways[-1].length_m <= longest:
+        if len(ways) > 1 and ways[-1][0] <= longest:
             return np.array(grid.place_on(island))
     return None
 

@@ -110,7 +110,7 @@ def _tide(scenario: Scenario) -> CurrentGrid:
 def _fetched_data(scenario: Scenario) -> Fetched:
     """Land, and both seasons' currents of the embedded table."""
     with tempfile.TemporaryDirectory() as folder:
-        return fetch(scenario, Store(Path(folder)), offline=True).fetched
+        return fetch(scenario, Store(Path(folder)), offline=True)
 
 
 def _cases_of(scenario: Scenario, fetched: Fetched) -> tuple[Case, ...]:

@@ -10,6 +10,7 @@ from pipeline.stages.project import project
 
 def case_of(scenario: Scenario) -> Case:
     """Return the one case of a scenario in a plane."""
-    fetched = fetched_plane(scenario)
+    assert scenario.plane is not None
+    fetched = fetched_plane(scenario.plane, scenario.scale)
     (case,) = project(scenario, fetched, unsimplified(fetched.land))
     return case

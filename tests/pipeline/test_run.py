@@ -105,7 +105,7 @@ def test_a_fault_after_the_plan_is_said_and_loses_no_plan(
         return raises
 
     late = {
-        "pipeline.run.bounds_of_sides": "bounds",
+        "pipeline.stages.compare.side_bound": "bounds",
         "pipeline.stages.compare.way_names": "names",
         "pipeline.stages.compare.shut_straits": "straits",
         "pipeline.stages.compare.waiting_notes": "notes",

@@ -22,7 +22,7 @@ from pipeline.geo.projection import DepthCover, Projection
 from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait, Water
 from pipeline.model.inputs import Note
 from pipeline.scenario.region import ChartSpec
-from pipeline.stages.measure import SecondShoreline
+from pipeline.stages.measure import shore_crossings
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import rows_of, with_measures, with_rows
 from tests.true_scale import GEOD
@@ -170,16 +170,15 @@ def test_each_crossing_is_where_and_as_long_as_on_earth(scale: float) -> None:
     plain = Water(renew.Chart(projection.geometry_to_plane(REGION)), (), projection)
     shore = tuple(projection.geometry_to_plane(np.array(ISLANDS, dtype=object)))
     water = dataclasses.replace(plain, second_shore=shore)
+    clear = projection.to_plane([(23.5, 36.2), (24.5, 36.2)])
     path = projection.to_plane([(23.5, 36.55), (24.5, 36.55), (24.5, 37.55), (23.5, 37.55)])
-    south, north = SecondShoreline(water).crossings(path, 2)
+    south, north = shore_crossings(water, [clear, path])
     for found, lat, east in ((south, 36.55, 24.1), (north, 37.55, 24.2)):
         assert found.rank == 2
         assert (found.lon, found.lat) == pytest.approx(((24.0 + east) / 2, lat), abs=2e-3)
         length_m = GEOD.inv(24.0, lat, east, lat)[2]
         assert found.length_m == pytest.approx(length_m, rel=2e-3)
-    clear = projection.to_plane([(23.5, 36.2), (24.5, 36.2)])
-    assert SecondShoreline(water).crossings(clear, 1) == ()
-    assert SecondShoreline(plain).crossings(path, 1) == ()
+    assert shore_crossings(plain, [path]) == ()
 
 
 def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> None:

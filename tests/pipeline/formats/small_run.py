@@ -21,7 +21,6 @@ from pipeline.model import (
     Land,
     Measures,
     Note,
-    PassedOver,
     RouteMetrics,
     ShutStrait,
     SimplifiedLand,
@@ -34,8 +33,8 @@ from pipeline.stages.project import project
 LAND = Credit("Test land", "land", "© nobody in particular", "none", "https://example.org/land")
 STAND_IN = Credit("Test table", "current", "Figures made up for a test", "CC0")
 PREFERRED = Credit("Better source", "current", "Figures made up with more care", "CC BY 4.0")
-PASSED_OVER = PassedOver("better-source", "better-source needs an account")
-REASON = f"summer: {PASSED_OVER.reason}"
+PASSED_OVER = ("better-source", "better-source needs an account")
+REASON = f"summer: {PASSED_OVER[1]}"
 
 
 def note(text: str) -> Note:

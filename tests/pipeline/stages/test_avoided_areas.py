@@ -173,9 +173,8 @@ def test_what_a_message_about_an_area_proposes_works(tmp_path: Path) -> None:
     assert [one.pop("path") for one in read] == [*files]
     assert read == [{"radius_m": 20}, {"crs": "EPSG:4326"}, {"layer": "range"}]
     read = [{"path": path, **keys} for path, keys in zip(files, read, strict=True)]
-    zones, _ = avoided_zones(
-        parse_scenario(scenario_data(tmp_path, avoid=read), tmp_path), shapely.box(-41, 34, -39, 36)
-    )
+    scenario = parse_scenario(scenario_data(tmp_path, avoid=read), tmp_path)
+    zones, _ = avoided_zones(scenario.avoid, shapely.box(-41, 34, -39, 36))
     assert [zone.name for zone in zones] == ["buoys", "bare", "two"]
     assert zones[1].area.equals(RANGE)
     assert shapely.area(zones[0].area) > 0
@@ -189,7 +188,9 @@ def test_an_area_of_very_many_vertices_is_covered_by_one_of_few(tmp_path: Path) 
     area = shapely.Polygon(np.stack([lon, lat], axis=-1))
     (tmp_path / "wide.geojson").write_text(shapely.to_geojson(area))
     data = scenario_data(tmp_path, avoid=[{"path": "wide.geojson"}])
-    ((zone,), _) = avoided_zones(parse_scenario(data, tmp_path), shapely.box(-41, 34, -39, 36))
+    ((zone,), _) = avoided_zones(
+        parse_scenario(data, tmp_path).avoid, shapely.box(-41, 34, -39, 36)
+    )
     assert zone.area.covers(area)
     assert shapely.get_num_coordinates(zone.area) < 20_000
     # Half a thousandth of its width of 4 km, and mitred corners.

@@ -37,7 +37,6 @@ from pipeline.stages.choose import (
     room_notes,
     with_offing,
 )
-from pipeline.stages.fetch import FetchedData
 from pipeline.stages.plan_case import planned, planned as planned_case
 from renew.request import Request
 from renew.vary import departures as renew_departures
@@ -64,9 +63,9 @@ def _chosen(
     keys = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
     season = Season.model_validate({k: v for k, v in keys.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
-    data = FetchedData(result.fetched, "land", {"tide": "current"}, {})
+    fetched = replace(result.fetched, land_key="land", current_keys={"tide": "current"})
     case = replace(result.planned["tide"], speeds=SpeedChoice.of(season))
-    store, given = Store(folder, "test"), Chosen(scenario, data, Artefact("cases", (case,)))
+    store, given = Store(folder, "test"), Chosen(scenario, fetched, Artefact("cases", (case,)))
     return choose_departures(given, store, notes.append, scheduler)
 
 
@@ -95,10 +94,10 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     before = result.case("tide").case.current.velocity(result.stops[0], choice.chosen_s)
     now = departed.case("tide").current.velocity(result.stops[0], 0.0)
     assert now == pytest.approx(before, abs=1e-4)
-    (grid,) = departed.data.fetched.currents
+    (grid,) = departed.fetched.currents
     (asked,) = result.fetched.currents
     assert grid.times_s + round(choice.chosen_s) == pytest.approx(asked.times_s)
-    assert departed.data.current_keys["tide"] != "current"
+    assert departed.fetched.current_keys["tide"] != "current"
     assert departed.cases.key != "cases"
     assert notes[0] == Note.of("departures-asked", count=5)
     (note,) = {*departed.notes}  # each note is given once
@@ -176,11 +175,12 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     del data["departure"]
     season = Season.model_validate(data)
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
-    fetched = replace(result.fetched, currents=(replace(grid, case=old),))
+    fetched = replace(
+        result.fetched, currents=(replace(grid, case=old),), current_keys={old: "current"}
+    )
     case = replace(result.planned["tide"], name=old)
-    data = FetchedData(fetched, "land", {old: "current"}, {})
     notes: list[Note] = []
-    given = Chosen(scenario, data, Artefact("cases", (case,)))
+    given = Chosen(scenario, fetched, Artefact("cases", (case,)))
     departed = choose_departures(given, Store(tmp_path, "test"), notes.append)
     (choice,) = departed.choices
     new = departure_name(choice.chosen)
@@ -190,8 +190,8 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     assert choice.asked == season
     assert [one.name for one in departed.cases.value] == [new]
     assert departed.case(new).departure == choice.chosen
-    assert [one.case for one in departed.data.fetched.currents] == [new]
-    assert list(departed.data.current_keys) == [new]
+    assert [one.case for one in departed.fetched.currents] == [new]
+    assert list(departed.fetched.current_keys) == [new]
 
 
 def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # noqa: ANN401

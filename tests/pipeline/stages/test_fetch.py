@@ -12,7 +12,6 @@ import shapely
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.machine.store import Store
-from pipeline.model import PassedOver
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario
@@ -45,7 +44,7 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
     assert result.case("winter").is_stand_in
     assert result.case("summer").title == "Summer (July 2024)"
     assert result.case("winter").title == "Winter"
-    assert (summer.passed_over, winter.passed_over) == ((), (PassedOver(SERVICE, REASON),))
+    assert (summer.passed_over, winter.passed_over) == ((), ((SERVICE, REASON),))
     assert summer.stand_in_notes == ()
     used = f"winter: planned on {winter.credit.name}, valid {winter.valid}"
     assert note_texts(result.fetched.stand_in_notes) == [used]
@@ -111,7 +110,7 @@ def changing(source: str) -> dict[str, object]:
 
 def test_seasons_with_the_same_reason_share_a_note(across_outputs: Path) -> None:
     asked = scenario([SERVICE, EMBEDDED], [SERVICE, EMBEDDED])
-    fetched = fetch(asked, Store(across_outputs / ".artefacts"), offline=True).fetched
+    fetched = fetch(asked, Store(across_outputs / ".artefacts"), offline=True)
     assert all(grid.is_stand_in for grid in fetched.currents)
     assert [note for note in note_texts(fetched.notes) if REASON in note] == [
         f"summer, winter: {REASON}"
@@ -125,8 +124,8 @@ def test_what_was_passed_over_is_not_stored_with_the_current(across_outputs: Pat
     fallback = fetch(scenario([SERVICE, EMBEDDED], [EMBEDDED]), store, offline=True)
     preferred = fetch(scenario([EMBEDDED], [EMBEDDED]), store, offline=True)
     assert fallback.current_keys == preferred.current_keys
-    assert [grid.is_stand_in for grid in fallback.fetched.currents] == [True, False]
-    assert [grid.is_stand_in for grid in preferred.fetched.currents] == [False, False]
+    assert [grid.is_stand_in for grid in fallback.currents] == [True, False]
+    assert [grid.is_stand_in for grid in preferred.currents] == [False, False]
 
 
 @pytest.mark.parametrize("season", ["summer", "winter"])
@@ -137,6 +136,6 @@ def test_a_season_without_a_source_fails_with_its_reasons(
     store = Store(across_outputs / ".artefacts")
     parts = fetch(scenario(sources["summer"], sources["winter"]), store, offline=True)
     assert parts.failures == {season: f"no source of currents could be used: {REASON}"}
-    assert [grid.case for grid in parts.fetched.currents] == [
+    assert [grid.case for grid in parts.currents] == [
         name for name in ("summer", "winter") if name != season
     ]

@@ -24,12 +24,11 @@ from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.tables import leg_headings, rows
 from pipeline.geo.projection import DepthCover, Projection
 from pipeline.machine.store import Artefact
-from pipeline.model import Case, Land, SimplifiedLand
+from pipeline.model import Case, Land, SimplifiedLand, Water
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.sources.tide_stations import find_station
 from pipeline.stages.choose import Chosen, with_onward_legs
-from pipeline.stages.fetch import FetchedData
 from pipeline.stages.places import tidal_depth
 from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide
@@ -208,10 +207,11 @@ def test_a_grid_beside_cells_does_not_take_their_datum(tmp_path: Path) -> None:
     data["chart"] = {**data["chart"], "datum": ""}
     scenario = parse_scenario(data, tmp_path)
     cells = Land((), (), 5.0, depths=DepthCover(()), datum="MLLW")
-    region = shapely.box(*BOX)
     simplified = SimplifiedLand((), (), 0, 0, 5.0, 5.0)
+    region = shapely.box(*BOX)
+    water = Water(renew.Chart(region), (), Projection.for_region(region))
     with pytest.raises(RequestError, match="does not state the datum of its depths"):
-        tidal_depth(scenario, cells, simplified, region, Projection.for_region(region))
+        tidal_depth(scenario.tide, scenario.chart, cells, simplified, water)
 
 
 def test_water_far_from_every_station_is_refused_with_the_nearest(tmp_path: Path) -> None:
@@ -440,8 +440,8 @@ def test_the_way_on_has_the_current_and_the_hours_of_its_own_clock() -> None:
     area = renew.ShutArea(shapely.box(9e3, 0, 9.1e3, 10), 7200.0, 9000.0)
     anchorage = result.water.projection.to_plane(np.array([middle]))
     case = replace(result.planned["tide"], via=anchorage, areas=(area,))
-    data = FetchedData(result.fetched, "land", {"tide": "current"}, {})
-    given = Chosen(via, data, Artefact("cases", (case,)))
+    fetched = replace(result.fetched, land_key="land", current_keys={"tide": "current"})
+    given = Chosen(via, fetched, Artefact("cases", (case,)))
     split = with_onward_legs(given)
     season, onward = split.scenario.seasons
     assert (season.name, onward.name) == ("tide", "tide-onward")
@@ -458,8 +458,8 @@ def test_the_way_on_has_the_current_and_the_hours_of_its_own_clock() -> None:
         atol=1e-12,
     )
     assert second.areas[0].begin == pytest.approx(7200.0 - shift)
-    assert set(split.data.current_keys) == {"tide", "tide-onward"}
-    assert len(split.data.fetched.currents) == 2
+    assert set(split.fetched.current_keys) == {"tide", "tide-onward"}
+    assert len(split.fetched.currents) == 2
     np.testing.assert_array_equal(first.goal, anchorage[0])
     np.testing.assert_array_equal(second.start, anchorage[0])
     assert second.follows == "tide"

@@ -72,13 +72,11 @@ def test_without_credentials_the_embedded_table_is_used_with_a_note(across_outpu
     small["region"]["bbox"] = ACROSS_BOX
     scenario = load_scenario("palawan-season").model_validate(small)
     parts = fetch(scenario, Store(across_outputs / ".artefacts"))
-    assert [grid.credit.name for grid in parts.fetched.currents] == [
+    assert [grid.credit.name for grid in parts.currents] == [
         catalogue.source("embedded-palawan").title
     ] * 2
     assert not parts.failures
-    notes = [
-        note for note in note_texts(parts.fetched.notes) if note.startswith(("summer", "winter"))
-    ]
+    notes = [note for note in note_texts(parts.notes) if note.startswith(("summer", "winter"))]
     reason, summer, winter = notes
     assert reason.startswith("summer, winter: ")
     assert USERNAME in reason

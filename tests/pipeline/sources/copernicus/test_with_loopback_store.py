@@ -229,7 +229,7 @@ def test_a_run_on_the_services_currents_is_credited_cached_and_keeps_the_account
     table = load_scenario("palawan-season").model_dump(mode="json")
     table["region"]["bbox"] = ACROSS_BOX
     across = Scenario.model_validate(table)
-    ocean = Ocean(fetch(across, Store(output / ".artefacts"), offline=True).fetched.land.polygons)
+    ocean = Ocean(fetch(across, Store(output / ".artefacts"), offline=True).land.polygons)
     store = world.store(MONTHLY, ocean=ocean)
     with connected(store, tmp_path / "home"):
         ran = CliRunner().invoke(app, ["run", str(path), "--output", str(output)])
@@ -258,9 +258,7 @@ def test_a_run_on_the_services_currents_is_credited_cached_and_keeps_the_account
 
     # The service has stopped. The artefact of the current is enough, and so is the cached file
     # alone.
-    (grid,) = fetch(
-        load_scenario(str(path)), Store(output / ".artefacts"), offline=True
-    ).fetched.currents
+    (grid,) = fetch(load_scenario(str(path)), Store(output / ".artefacts"), offline=True).currents
     moment = datetime(2024, 7, 1, tzinfo=UTC)
     assert world.max_error_m_s(grid, "uo", "vo", moment, ocean=ocean) < TOLERANCE_M_S
     for stage in ("write", "current"):
