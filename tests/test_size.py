@@ -18,7 +18,7 @@ ROOMS = {
     "renew": (1_409, 27),
     "pipeline": (1_102, 12),
     "pipeline/cli": (2_409, 6),
-    "pipeline/findings": (3_315, 15),
+    "pipeline/findings": (3_316, 15),
     "pipeline/formats": (7_821, 15),
     "pipeline/geo": (801, 4),
     "pipeline/machine": (1_628, 10),

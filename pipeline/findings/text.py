@@ -90,7 +90,8 @@ def rounded_down(value: float, decimals: int) -> float:
 
 def rounded_up(value: float, decimals: int) -> float:
     """Round an upper limit up, so that it stays an upper limit."""
-    return float(np.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals)
+    # Adding 0 turns -0 into 0.
+    return float(np.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals) + 0.0
 
 
 def _digits_down(value: float, digits: int) -> float:

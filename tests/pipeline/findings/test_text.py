@@ -54,6 +54,7 @@ NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
         (texts.days(722_248), "8 d 9 h"),
         (texts.at_least_percent(0.0239), "2.3 %"),
         (texts.at_most_percent(0.0231), "2.4 %"),
+        (texts.at_most_percent(0.0), "0.0 %"),
         (texts.at_least_percent(math.inf), "–"),
         (texts.speed_range(2.57222, 4.63), ("2.58", "4.63")),
         (texts.speed_range(2.57222, 4.636), ("2.58", "4.63")),
