@@ -28,8 +28,7 @@ from renew.inputs.openings import Haven, LeastWater, ShutArea, TidalArea, TidalD
 from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
-from renew.turns.closest_approach import Tightest, tightest
-from renew.turns.contingency import Contingency, contingency
+from renew.turns.contingency import Contingency, Tightest, contingency, tightest
 from renew.underway.cover import cover
 from renew.underway.replan import Replanned, TurnOff, replan
 from renew.underway.survey import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch

@@ -25,8 +25,7 @@ from renew.inputs.current import (
 )
 from renew.planner.plan import planner_of
 from renew.request import Request
-from renew.turns.closest_approach import tightest
-from renew.turns.contingency import contingency
+from renew.turns.contingency import contingency, tightest
 from renew.vary.plan import plan
 from renew.voyage.fuel import fuel
 

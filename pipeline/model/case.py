@@ -23,7 +23,7 @@ from pipeline.model.inputs import Note, Place
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
-from renew.vary.members import Statistic
+from renew.vary.ensemble import Statistic
 
 Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
 CurrentT = TypeVar("CurrentT", bound=renew.CurrentField)

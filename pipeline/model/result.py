@@ -14,7 +14,7 @@ from pipeline._types import FloatArray
 from pipeline.model.inputs import no_go_name
 from pipeline.scenario.season import Season
 from renew.errors import Text
-from renew.vary.members import FEWEST, Statistic, statistic
+from renew.vary.ensemble import FEWEST, Statistic, statistic
 
 Side = Literal["north", "east", "south", "west", "between"]
 

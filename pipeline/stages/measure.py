@@ -40,7 +40,7 @@ from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
 from renew.inputs.options import MAX_STATIONS, Drift
 from renew.turns.turn_reach import TurnReach
-from renew.vary.members import STATISTICS
+from renew.vary.ensemble import STATISTICS
 from renew.voyage.fuel import passage
 
 # Spacing of the points at which hard-over turns begin: at least this many planar metres, as

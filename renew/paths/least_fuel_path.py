@@ -332,18 +332,6 @@ _LEAST_DAMPING = 1e-4
 _GAIN = 3e-6
 
 
-class _Quadratic(NamedTuple):
-    """Derivatives of the arrival time with respect to each point's shift along its normal.
-
-    `gradient` (n,) in s/m; second derivatives in s/m²: `diagonal` (n,), and `beside` (n,), mixed
-    with the next point.
-    """
-
-    gradient: FloatArray
-    diagonal: FloatArray
-    beside: FloatArray
-
-
 @kernel
 def straightened(
     path: FloatArray, farthest: float, water: WaterAround, keep_whole: BoolArray
@@ -363,9 +351,9 @@ def straightened(
     for _ in range(_ITERATIONS):
         before = times[-1]
         normals = _normals(path)
-        quadratic = _quadratic(path, normals, times, stream)
+        gradient, diagonal, beside = _derivatives(path, normals, times, stream)
         for _ in range(_TRIES):
-            shift, found = _newton_step(quadratic, damping, movable)
+            shift, found = _newton_step(gradient, diagonal, beside, damping, movable)
             if found:
                 moved = _moved(path, normals, shift, farthest / _ITERATIONS)
                 moved_times = arrivals(moved, stream)
@@ -410,10 +398,14 @@ def _normals(path: FloatArray) -> FloatArray:
 
 
 @kernel
-def _quadratic(
+def _derivatives(
     path: FloatArray, normals: FloatArray, times: FloatArray, stream: Stream
-) -> _Quadratic:
-    """Return derivatives by differences, given the times (n,), s, at which legs begin.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return derivatives of the arrival time by each point's shift along its normal, each (n,).
+
+    They are the gradient, s/m, and the second derivatives, s/m²: by the same point's shift twice,
+    and by its shift and the next point's. They are taken by differences, given the times (n,), s,
+    at which legs begin.
 
     A leg's weight is the delay of the arrival per second of delay of the leg; 1 in a steady
     current.
@@ -446,7 +438,7 @@ def _quadratic(
             ends = leg_time(ax, ay, bx, by, times[k] + later, stream)
             weight *= 1 + (ends - here) / later
         after = begin
-    return _Quadratic(gradient, diagonal, beside)
+    return gradient, diagonal, beside
 
 
 @kernel
@@ -509,13 +501,17 @@ def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
 
 @kernel
 def _newton_step(
-    quadratic: _Quadratic, damping: float, movable: BoolArray
+    gradient: FloatArray,
+    diagonal: FloatArray,
+    beside: FloatArray,
+    damping: float,
+    movable: BoolArray,
 ) -> tuple[FloatArray, bool]:
     """Return the shift (n,), m, of each point, and whether it leads towards a minimum.
 
+    The first three are as :func:`_derivatives` returns them.
     By Cholesky's method for tridiagonal systems; `damping` is a share of the mean diagonal.
     """
-    gradient, diagonal, beside = quadratic
     mean = np.abs(diagonal).mean()
     shift, carried = np.zeros(len(diagonal)), np.zeros(len(diagonal))
     for k in range(1, len(diagonal) - 1):

@@ -56,8 +56,8 @@ def plan_classes(planner: ClassPlanner, classes: int) -> Plan:
     a round finds no new one. A strait that padding blocks for one class is mostly blocked for all,
     so the rounds soon find k classes that can be sailed. If they find fewer, some classes may have
     been skipped: a place blocked for another class was taken as blocked for them, or one of their
-    passing edges was taken as too narrow. These classes are then planned separately, up to k. A
-    class is rejected, with its first reason, when no channel of it is left.
+    passing edges was taken as too narrow. These classes are then planned separately, up to k.
+    A class is rejected, with its first reason, when no channel of it is left.
     """
     search = ClassSearch(planner)
     search.find_first(classes)
@@ -137,8 +137,8 @@ class ClassSearch:
         """Find paths of the first k classes; see :func:`plan_classes`.
 
         Up to `variants` variants are tried, and up to `beside` variants near the best route.
-        Classes whose estimate is more than `dearest` times the best one are skipped if another
-        class has a path.
+        Classes whose estimate is more than `dearest` times the best one are skipped if there is a
+        path of another class.
         """
         problem, options = self._planner.problem, self._planner.options
         clearance = options.likely_width(problem.voyage.vessel.turning_radius)

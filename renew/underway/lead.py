@@ -416,8 +416,8 @@ def choose(
     The vessel has a `heading` (rad) if one is given. `is_proven`: the plan is proven for the vessel
     at this place and time, in the same current; the way ahead is then kept as it is. `track` (m, 4)
     is the rest of the planned trajectory if the vessel is in time for it, else None.
-    Returns the plan from here on, and the route in the class planned: the plan's best one if that
-    class is kept, None if it can't be sailed.
+    Returns the plan from here on, and the route in the class planned: that is the plan's best one
+    if the class is kept, and None if it can't be sailed.
     Raises PlanningError if no class can be sailed.
     """
     planner = planner_of(request)

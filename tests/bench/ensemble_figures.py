@@ -10,7 +10,7 @@ import numpy as np
 
 import renew
 from renew._types import FloatArray
-from renew.vary.members import statistic, worst_weights
+from renew.vary.ensemble import statistic, worst_weights
 from tests.bench.figure import Figure, at_most, quoted
 from tests.ensembles import Lattice, evened, gyre_chart, island_between, stirred
 from tests.strategies import PAPER_VESSEL, SIZE, random_scene

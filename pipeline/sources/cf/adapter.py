@@ -50,7 +50,7 @@ from pipeline.sources.plausibility import (
     count_misplaced,
     dilated,
 )
-from renew.vary.members import FEWEST, QUANTILES
+from renew.vary.ensemble import FEWEST, QUANTILES
 
 # Half the size of the window, in cells, in which a file is checked around the region's middle.
 _CHECK_CELLS = 240

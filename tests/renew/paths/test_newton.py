@@ -13,7 +13,7 @@ from renew.kernels.capsules import legs_are_clear
 from renew.kernels.current_table import table_of
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream, arrivals
-from renew.paths.least_fuel_path import _newton_step, _Quadratic, straightened
+from renew.paths.least_fuel_path import _newton_step, straightened
 from renew.paths.sections import WaterAround
 from tests.renew.paths.scenes import CALM, NO_LAND, NOTHING_WHOLE, water_beside
 from tests.strategies import SIZE, seeds
@@ -38,13 +38,13 @@ def test_a_bulge_of_a_sixteenth_of_the_way_is_straight_afterwards_too() -> None:
 def test_no_step_is_taken_where_a_derivative_is_infinite(infinite: float) -> None:
     movable = np.array([False, True, True, True, False])
     gradient, beside = np.array([0.0, 1.0, 1.0, 1.0, 0.0]), np.zeros(5)
-    shift, found = _newton_step(_Quadratic(gradient, np.full(5, 2.0), beside), 0.0, movable)
+    shift, found = _newton_step(gradient, np.full(5, 2.0), beside, 0.0, movable)
     assert found
     assert shift.tolist() == [0.0, -0.5, -0.5, -0.5, 0.0]
     gradient[2] = infinite
     for diagonal in (2.0, math.inf):
         some = np.array([2.0, 2.0, diagonal, 2.0, 2.0])
-        assert not _newton_step(_Quadratic(gradient, some, beside), 0.0, movable)[1]
+        assert not _newton_step(gradient, some, beside, 0.0, movable)[1]
 
 
 def test_no_point_moves_farther_than_it_may() -> None:

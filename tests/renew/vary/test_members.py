@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 from scipy.optimize import linprog
 
-from renew.vary.members import statistic, surely_dearer, worst_weights
+from renew.vary.ensemble import statistic, surely_dearer, worst_weights
 from tests.strategies import examples
 
 counts = st.lists(st.integers(0, 4), min_size=2, max_size=9).filter(lambda some: sum(some) > 0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import renew
-from renew.vary.members import statistic
+from renew.vary.ensemble import statistic
 from tests.ensembles import Lattice, gyre_chart, stirred
 from tests.strategies import PAPER_VESSEL, STILL
 
