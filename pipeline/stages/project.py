@@ -32,9 +32,9 @@ from pipeline.model import (
     Water,
     planner_vessel,
 )
+from pipeline.model.inputs import bilinear
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import MembersSpec
-from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.places import (

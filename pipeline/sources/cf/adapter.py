@@ -27,7 +27,7 @@ from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, MemberGrid, Note
-from pipeline.model.inputs import CurrentSource, Issue
+from pipeline.model.inputs import CurrentSource, Issue, bilinear
 from pipeline.scenario.season import CYCLES, FILES, STILL, MembersSpec, Season, StreamConstants
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import fatal_files, is_zarr, open_dataset
@@ -42,7 +42,6 @@ from pipeline.sources.cf.fields import (
     weak_cells,
 )
 from pipeline.sources.current_field import Field, LandMask, water_without_data
-from pipeline.sources.interpolation import bilinear
 from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
     Assessment,

@@ -15,9 +15,9 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection, rotated
 from pipeline.model import Credit, CurrentGrid, SimplifiedLand
+from pipeline.model.inputs import bilinear, fill_gaps
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import Field, LandMask
-from pipeline.sources.interpolation import bilinear, fill_gaps
 from pipeline.sources.land.shapes import box_around
 from pipeline.stages.project import extent_polygon, planar_current, project, water_of
 from tests.pipeline.formats import small_run
