@@ -67,7 +67,7 @@ def _answer(
     from pipeline.findings.choices import replanned_text
     from pipeline.run import run
     from pipeline.underway.replan import under_way_scenario
-    from pipeline.underway.request import UnderWayRequest
+    from pipeline.voyage.request import UnderWayRequest
 
     currents = (config.here(name) if looks_like_path(name) else name for name in spec.currents)
     scenario, _ = under_way_scenario(

@@ -12,7 +12,7 @@ from pipeline.scenario.loading import parse_scenario, with_currents
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import departure_name, interval, named_departure
 from pipeline.stages.under_way import FinishedSeason, finished_season
-from pipeline.underway.request import UnderWayRequest
+from pipeline.voyage.request import UnderWayRequest
 
 # Longest beginning of a name to which a time is added, in characters; and what was added before.
 _NAME = 45

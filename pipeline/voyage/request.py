@@ -1,4 +1,7 @@
-"""The request of a voyage: the table of its options, and which of them go together."""
+"""The requests of a voyage, before it begins and under way: the tables of their options.
+
+Of a voyage's options some go together, and some exclude each other.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +23,7 @@ from pipeline.voyage.readers import (
     read_members,
     read_months,
     read_name,
+    read_position,
     read_station,
     read_stop,
     read_vessel,
@@ -43,6 +47,7 @@ _vessel, _when, _water, _limits, _output = (
     partial(Option, group=group) for group in ("Vessel", "When", "Water", "Limits", "Output")
 )
 _time = partial(_when, kind="time", read=zoned_time)
+_other = partial(Option, group="Other options")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -455,3 +460,76 @@ def _faults_of_stations(stations: tuple[str, ...]) -> Iterator[str]:
         stations_of(TideSpec(stations=stations))
     except RequestError as error:
         yield from error.faults
+
+
+def _heading(degrees: float) -> float:
+    """Check a true heading, degrees."""
+    if not 0 <= degrees <= 360:
+        raise ValueError(
+            f"{degrees:g} is no true heading; give degrees from 0 to 360, clockwise from north"
+        )
+    return float(degrees)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnderWayRequest:
+    """Where the vessel is, when, on which true heading (degrees), and what has changed.
+
+    `departed` is when it left, if the plan does not say so. Without `currents` those of the plan
+    hold. `name` is that of the new results.
+    """
+
+    results: Annotated[
+        Path,
+        Option(
+            group="",
+            kind="folder",
+            metavar="RESULTS",
+            help="Folder of a finished run, such as outputs/NAME.",
+        ),
+    ]
+    at: Annotated[
+        Position,
+        _other(
+            read=read_position,
+            metavar="POSITION",
+            help="Where the vessel is, as '119.95E 9.99N'.",
+        ),
+    ]
+    time: Annotated[
+        datetime,
+        _other(read=zoned_time, metavar="TIME", help="When it is there, as 2026-11-22T09:30Z."),
+    ]
+    heading_deg: Annotated[
+        float | None,
+        _other(
+            name="heading",
+            kind="number",
+            read=_heading,
+            metavar="DEGREES",
+            help="Its true heading, from which the route begins with a turn; by default it begins "
+            "on the best heading.",
+        ),
+    ] = None
+    currents: Annotated[
+        tuple[str, ...],
+        _other(
+            kind="source",
+            read=tuple,
+            most=32,
+            help="The new currents, as for `renew run`; by default those of the plan hold.",
+        ),
+    ] = ()
+    season: Annotated[str, _other(help="The season that is sailed, if several were planned.")] = ""
+    departed: Annotated[
+        datetime | None,
+        _other(
+            read=zoned_time,
+            metavar="TIME",
+            help="When the vessel left, as 2026-11-22T06:00Z, if the plan has no departure.",
+        ),
+    ] = None
+    name: Annotated[str, _other(help="Name of the folder of results.")] = ""
+    offline: Annotated[bool, _other(kind="flag", help="Use no source that needs the network.")] = (
+        False
+    )

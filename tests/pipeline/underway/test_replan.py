@@ -25,8 +25,8 @@ from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.underway.replan import under_way_scenario
-from pipeline.underway.request import UnderWayRequest
 from pipeline.voyage.readers import read_position
+from pipeline.voyage.request import UnderWayRequest
 from tests.pipeline.results import result_of
 from tests.pipeline.tidal_run import DEPARTURE
 from tests.pipeline.underway import sailing
