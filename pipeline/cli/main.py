@@ -251,7 +251,7 @@ def replan(
         from pipeline.machine.paths import expanded
         from pipeline.run import run as run_scenario
         from pipeline.stages.under_way import finished_season
-        from pipeline.underway.replan import under_way_scenario
+        from pipeline.voyage.under_way import under_way_scenario
 
         faults = Faults()
         results = Path(given["results"])

@@ -12,8 +12,8 @@ from pipeline.nightly.cycles import Row
 from pipeline.nightly.records import ACT, LOOK, SAME
 from pipeline.scenario.strict import looks_like_path
 from pipeline.texts import cell
-from pipeline.underway.reports import Fix, last_fix
 from pipeline.voyage.readers import Position
+from pipeline.voyage.under_way import Fix, last_fix
 
 VOYAGES_FILE = "voyages.csv"
 """A cycle's table of the voyages under way."""
@@ -66,8 +66,8 @@ def _answer(
     """Run the voyage ahead, and return the columns with what that answers."""
     from pipeline.findings.choices import replanned_text
     from pipeline.run import run
-    from pipeline.underway.replan import under_way_scenario
     from pipeline.voyage.request import UnderWayRequest
+    from pipeline.voyage.under_way import under_way_scenario
 
     currents = (config.here(name) if looks_like_path(name) else name for name in spec.currents)
     scenario, _ = under_way_scenario(

@@ -12,7 +12,7 @@ from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from tests.pipeline.kept_land_mask import keep_land_mask
-from tests.pipeline.underway import sailing
+from tests.pipeline.voyage import sailing
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]

@@ -13,9 +13,9 @@ from pipeline.nightly.cases import expand
 from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.voyages import planned_again
-from pipeline.underway.reports import last_fix
+from pipeline.voyage.under_way import last_fix
 from tests.pipeline.nightly.nights import plane_night
-from tests.pipeline.underway import sailing
+from tests.pipeline.voyage import sailing
 
 # Half an hour after the departure: near the plan's place, and north of the island.
 NEAR, NORTH = (119.0290, 9.5224), (119.035, 9.545)

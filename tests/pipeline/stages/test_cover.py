@@ -29,7 +29,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.sources.land.vector import read_havens
 from tests.pipeline import tidal_run
 from tests.pipeline.formats.gis.tables import layer
-from tests.pipeline.underway import sailing
+from tests.pipeline.voyage import sailing
 from tests.pipeline.voyage.waters import scenario_of
 
 WITHIN_S = 1500.0

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given, strategies as st
 
-from pipeline.underway.reports import Fix, last_fix, positions
-from tests.pipeline.underway.sailing import rmc, summed
+from pipeline.voyage.under_way import Fix, last_fix, positions
+from tests.pipeline.voyage.sailing import rmc, summed
 
 # A receiver's output as encyclopaedias show it; position and time worked out by hand.
 PUBLISHED = b"$GPRMC,092751.000,A,5321.6802,N,00630.3371,W,0.06,31.66,280511,,,A*45"

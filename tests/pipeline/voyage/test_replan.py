@@ -24,12 +24,12 @@ from pipeline.model import ReplanFigures
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.underway.replan import under_way_scenario
 from pipeline.voyage.readers import read_position
 from pipeline.voyage.request import UnderWayRequest
+from pipeline.voyage.under_way import under_way_scenario
 from tests.pipeline.results import result_of
 from tests.pipeline.tidal_run import DEPARTURE
-from tests.pipeline.underway import sailing
+from tests.pipeline.voyage import sailing
 
 # A place near the plan's, half an hour after the departure, and the time.
 WEST, EAST = "West,119.015,9.515", "East,119.085,9.545"
