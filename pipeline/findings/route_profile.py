@@ -52,8 +52,8 @@ class Steps:
 
     Attributes
     ----------
-    planner_s : (n - 1,) by the drift model in planar metres.
-    true_s : (n - 1,) at true scale.
+    planner_s : (n - 1,) seconds over each step, by the drift model in planar metres.
+    true_s : (n - 1,) seconds over each step, at true scale.
     through_water_m_s : (n - 1,) mean speed through water, over time.
     """
 

@@ -35,7 +35,7 @@ _MINUTE_S = 60.0
 # Least fuel for a unit, the unit, and its name. Fuel may be any number: the vessel's rate sets its
 # unit.
 _FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))
-# Part of the last decimal place below which a difference is the value's own rounding error.
+# A difference below this part of the last decimal place counts as the value's own rounding error.
 _EXACT = 1e-6
 
 
@@ -95,7 +95,7 @@ def rounded_up(value: float, decimals: int) -> float:
 
 
 def _digits_down(value: float, digits: int) -> float:
-    """Round a lower limit down to significant digits, or to units if it has more of these."""
+    """Round a lower limit down to significant digits, but never further than to whole numbers."""
     magnitude = math.floor(math.log10(value)) if 0 < value < math.inf else 0
     return rounded_down(value, max(0, digits - 1 - magnitude))
 
@@ -229,7 +229,7 @@ def gap_text(shares: GapShares, no_go: str) -> str:
         f"Of the optimality gap of {at_most_percent(whole)}, the chart's simplification, margin "
         f"and offing cause {percent(shares.chart)}, the room for hard-over turns (padding) "
         f"{percent(shares.padding)}, {tide}and the bound itself {at_most_percent(shares.bound)}: "
-        f"even among routes that only stay off the {no_go} none was found nearer to the bound."
+        f"no route was found nearer to it, even among those that only have to avoid the {no_go}."
     )
 
 

@@ -131,7 +131,7 @@ def _case_pages(case: RunCase) -> Iterator[Figure]:
 
 
 def _haven_pages(case: RunCase) -> Iterator[Figure]:
-    """Yield the pages of a case's ways to havens: what is covered, and when to turn off where."""
+    """Yield the pages of a case's ways to havens: what is covered, where and when to turn off."""
     points = case_waypoints(case)[0]
     facts = _wrapped(haven_facts(case), _WIDE)
     top = _HEIGHT - _MARGIN - 30
@@ -231,14 +231,15 @@ def _autopilot_texts(case: RunCase) -> Iterator[str]:
     told = autopilot(case)
     if told.fence is None:
         yield (
-            f"The mission has no fence: none of at most {MAX_VERTICES} vertices was found around "
-            "the legs in water outside the soft no-go zone; draw one by hand."
+            f"The mission has no fence: no fence with {MAX_VERTICES} vertices or fewer was found "
+            "that holds the legs and stays out of the soft no-go zone; draw one by hand."
         )
     if told.rally is None:
         yield (
             "On an autopilot, set Loiter or Hold, not return, for a lost link and a fence breach; "
-            "Hold lets the vessel drift. It returns straight to the start or the nearest rally "
-            "point, which from some places of this route is not clear of hard and soft no-go areas."
+            "Hold lets the vessel drift. A return is a straight line to the start or the nearest "
+            "rally point, and from some places of this route it is not clear of hard and soft "
+            "no-go areas."
         )
 
 

@@ -48,7 +48,7 @@ class SimplifiedLand:
 
 @dataclass(frozen=True, slots=True)
 class Water:
-    """A chart in the plane, which the cases of a run share: planar metres divided by the scale.
+    """A chart that the cases of a run share, in projected metres divided by the scale.
 
     `chart` has the simplified no-go zone, `land` is the original, unsimplified land.
     `second_shore`, `refused_m` and `depths` are as in Land. `is_planar` is True if the scenario
@@ -105,7 +105,7 @@ class MemberCurrents:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VoyageBefore:
-    """The plan that the vessel is sailing, on the clock of the case that plans it again.
+    """The plan that the vessel is sailing, timed by the clock of the case that is planned now.
 
     Attributes
     ----------
@@ -131,19 +131,19 @@ _AS_CLOSE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One voyage to plan. What a case lacks has no effect on its plan.
+    """One voyage to plan. Its plan depends only on what the case holds.
 
     Attributes
     ----------
-    name : of its season in the scenario; by it a run's cases are told apart.
+    name : the name of its season in the scenario, which differs for each case of a run.
     water : where it is sailed.
     vessel : at the highest speed that it may choose, speeds unscaled.
     start, goal, via : planar metres (2,), (2,) and (n, 2); routes pass the points `via` in order.
-    current : of a current that changes the clock, in seconds, is 0 at the departure.
+    current : if it changes with time, its clock, in seconds, is 0 at the departure.
     current_cells : where the current's source has figures; None if it has no source.
     departure : beginning of the clock; None if the plan does not depend on the date.
-    areas, tidal_depth : what is shut, on the clock; the needs of tidal water include the
-        `under_keel_clearance_m`.
+    areas, tidal_depth : areas and tidal water that are shut at times of the clock; the height of
+        tide that tidal water needs includes the `under_keel_clearance_m`.
     speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
     members : the currents whose mean is the current.
     before : the plan that the vessel sails, if it is planned again under way, from `start` on.
@@ -198,7 +198,7 @@ class Case:
     def itinerary(self, arrive_by_s: float = math.inf) -> dict[str, Any]:
         """Return via points and what is shut as `renew.plan` takes them.
 
-        If speeds are to be chosen, they are there, too, and the latest arrival (s, clock).
+        If the vessel chooses its speeds, their limits and the latest arrival (s, clock) are added.
         """
         choice = self.speeds
         return {
@@ -293,11 +293,11 @@ def planner_vessel(spec: VesselSpec) -> renew.Vessel:
 
 
 MIN_LATENESS_S = 3600.0
-"""Minimum of the times by which turns are checked early and late in changing currents, s."""
+"""In changing currents turns are checked for a vessel at least this early, and this late, s."""
 
 
 def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew.PlanOptions:
-    """Return the planner's options; the vessel is early or late by `min_lateness` (s) at least.
+    """Return the planner's options, to check turns at least `min_lateness` (s) early and late.
 
     On a chart, a run has chosen the clearance before this call. In a planar scenario, a clearance
     that the options leave out is 0.
@@ -336,8 +336,9 @@ def planned_in_time(
 ) -> tuple[renew.Plan, float]:
     """Plan a case with a choice of speeds; return the plan and the planner's latest arrival, s.
 
-    All routes arrive in time at true scale. The best is early by less than a thousandth of its
-    duration, unless fuel is least even earlier or the second plan has another best route.
+    All routes arrive in time at true scale. The best arrives less than a thousandth of its duration
+    early. It arrives earlier still if that takes least fuel, or if another route is the best one
+    of the second plan.
     """
     by = speeds.within_s / largest_stretch(case)
     plan = planned(by)

@@ -1,6 +1,7 @@
 """The interfaces of sources, and what they deliver: land, depths and currents, with their notes.
 
-A note tells a reader something beside the result, as values without words.
+A note is something that a reader should know besides the result. It has a kind and values; the
+words are made from these elsewhere.
 """
 
 import hashlib
@@ -111,7 +112,7 @@ class Note:
     kind : its subject, one of the kinds for which there are words.
     values : the figures by their names: numbers, names, places, dates, other notes, tuples of them;
         units are in the names.
-    cases : the cases that it is about; empty where it is about all.
+    cases : the cases that the note is about; empty if it is about all.
     """
 
     kind: str
@@ -120,13 +121,13 @@ class Note:
 
     @classmethod
     def of(cls, kind: str, **values: object) -> "Note":
-        """Return a note with its values; texts among them may quote a file or a library."""
+        """Return a note of a kind; its texts are cleaned, as they may quote a file or a library."""
         cleaned = ((k, clean(v) if isinstance(v, str) else v) for k, v in values.items())
         return cls(kind, tuple(cleaned))
 
     @property
     def is_decision(self) -> bool:
-        """Whether it says what a name, an order or a default decided."""
+        """Whether it reports a choice that a name, an order or a default made, not the user."""
         return self.kind in DECIDED
 
     def about(self, *cases: str) -> "Note":
@@ -155,13 +156,13 @@ DECIDED = frozenset(
         "zeros-are-land",
     }
 )
-"""Kinds of notes on what a name, an order or a default decided, not the user or the data.
+"""Kinds of notes on choices that a name, an order or a default made, not the user or the data.
 
 They stand directly below the answer, and in every output that has a place for them.
 """
 
 NOT_KNOWN = frozenset({"strait-unresolved", "streams-weak"})
-"""Kinds of notes on what is not known, among those that stages say."""
+"""Kinds of notes with which stages report what is not known."""
 
 Say = Callable[[Note], None]
 """Reports a note while a stage is at work."""
@@ -192,10 +193,11 @@ class Credit:
 class Zone:
     """An area of a chart to be shown on maps (lon/lat degrees).
 
-    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
-    area is covered by no source. All three are no-go, and also among the polygons of their Land. A
-    `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's rule there for a
-    passing vessel, if any. The user's areas are `shut` at the hours of their rule.
+    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is deep enough, an
+    `uncharted` area is covered by no source. All three are no-go, and also among the polygons of
+    their Land. A `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's
+    rule there for a passing vessel, if any. The user's areas are `shut` at the hours of their
+    rule.
     """
 
     kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
@@ -221,16 +223,15 @@ class PlaceName:
 class Land:
     """All that no route may enter (lon/lat degrees), in the region and a little beyond.
 
-    Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
-    how far the source's coast may lie from the true one, in metres. `credits` has one entry per
-    source, `notes` are about the chart, `zones` are areas to be shown.
-    `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
-    it, but a route crosses it only where the two shorelines disagree. A route is refused that gets
-    further than `refused_m` from that shore, m. `places` are the chart's
-    names of land, where it has any. `depths` says where the chart has depths; None where it has
-    none at all. `depth_areas` are its areas of equal depth, where it has any. `tidal_water` is deep
-    enough for some hours; `datum` is the chart datum of the depths, "" where the chart does not
-    state it.
+    That is land and, on charts with depths, also shallow water, hazards and uncharted areas.
+    `accuracy_m` is how far the source's coast may lie from the true one, in metres. `credits` has
+    one entry per source, `notes` are about the chart, `zones` are areas to be shown. `second_shore`
+    is the land of an independent shoreline, where there is one: no route need avoid it, but a route
+    crosses it only where the two shorelines disagree. A route that gets further than `refused_m`
+    (m) into this land is refused. `places` are the chart's names of land, where it has any.
+    `depths` says where the chart has depths; None where it has none at all. `depth_areas` are its
+    areas of equal depth, where it has any. `tidal_water` is deep enough for some hours; `datum` is
+    the chart datum of the depths, "" where the chart does not state it.
     """
 
     polygons: tuple[Polygon, ...]
@@ -279,7 +280,7 @@ class CurrentGrid:
     lon, lat : (nx,) and (ny,), ascending, degrees.
     u, v : (nt, ny, nx), m/s to east and to north; NaN where the source has no water, which is the
         same at all times.
-    times_s : (nt,), ascending, seconds since the case's departure; of a steady current one.
+    times_s : (nt,), ascending, seconds since the case's departure; one if the current is steady.
     valid : the time that the field is valid for, as the source names it.
     notes : about the field, for a reader.
     files : names and hashes of the files it came from.
@@ -329,7 +330,7 @@ class CurrentGrid:
 
     @property
     def is_left_out(self) -> bool:
-        """Whether it was planned without a current, as in still water."""
+        """Whether its case was planned without a current, as in still water."""
         return any(note.kind == "still-water" for note in self.notes)
 
     @property

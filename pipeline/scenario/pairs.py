@@ -1,8 +1,8 @@
 """The table of pairs of features that a scenario can't have together, each with its reason.
 
-Every other pair is planned. The scenario's checks and the reference are made from this table, and a
-property test compares random scenarios with it. What one feature needs (a departure, a draught) is
-no pair: `loading` checks it.
+A scenario may have every other pair. The scenario's checks and the reference are made from this
+table, and a property test compares random scenarios with it. What one feature needs (a departure, a
+draught) is no pair: `loading` checks it.
 """
 
 from collections.abc import Callable, Iterator
@@ -82,14 +82,14 @@ PAIRS = (
     RefusedPair(
         ("a scale other than 1",),
         ("time_method = 'changing'", "'speed'", *_HOURS, "[havens]", "[under_way]"),
-        "at that scale times under way are not the true ones, and a turn by hard rudder would last "
-        "hours of tide",
+        "at that scale times under way are not the true ones, and the tide would change during a "
+        "turn by hard rudder",
         _AT_TRUE_SCALE,
     ),
     RefusedPair(
         ("'members'",),
         ("'arrive_by'", "'speed'", "a wait at an anchorage"),
-        "each member has times of its own, so no one choice is in time in all of them",
+        "each member has times of its own, so no single choice arrives in time in all members",
     ),
     RefusedPair(
         ("'members'",),
@@ -105,7 +105,7 @@ PAIRS = (
     RefusedPair(
         ("[havens]",),
         ("'members'",),
-        "ways to havens are proven in one current, and would be in the mean alone",
+        "ways to havens are proven in one current, which would be the mean of the members alone",
     ),
     RefusedPair(
         ("[havens]",),
@@ -115,7 +115,7 @@ PAIRS = (
     RefusedPair(
         ("a wait at an anchorage",),
         _CHOICES_OF_TIME,
-        "the wait and these each leave a time open, and one of the two is chosen at a time",
+        "the wait leaves a time to choose, each of the others another, and a plan chooses only one",
         "give the season one 'departure' alone, or leave the wait out",
     ),
     RefusedPair(

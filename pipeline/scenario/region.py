@@ -152,8 +152,8 @@ class ChartSource(_VectorKeys):
     """How far the file's coast may lie from the true one, metres; by default the accuracy of the
     catalogue entry, or 50 m without one. Give metres, 0 or more."""
     complete: bool = False
-    """Whether the file has all land near the region: then a route over land that OpenStreetMap
-    alone has is told, and not refused. Give true where the file is right, or false."""
+    """Whether the file has all land near the region: then a route over land that only OpenStreetMap
+    has is reported, and not refused. Give true where the file is right, or false."""
     credit: str = Field(default="", examples=["© Harbour office"])
     """Credit line for the data, printed with the results. Give the text that the data's licence
     requires."""

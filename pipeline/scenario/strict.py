@@ -52,12 +52,12 @@ def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
 
 
 class DiskPath(str):
-    """A path, which is not cleaned: two blanks, or an accent as a character, belong to a name."""
+    """A path. It is not cleaned, because a name may have two blanks, or an accent on its own."""
 
     __slots__ = ()
 
 
-# A path that is not opened where it is read.
+# A path that the reader of the table only passes on.
 PathAsGiven = Annotated[str, AfterValidator(DiskPath)]
 
 

@@ -40,11 +40,12 @@ USUAL_PORT = 8137
 """The default port, if it is free."""
 # Folder, inside the output folder, of the files that the page is given.
 _GIVEN = ".given"
-# Connections at a time: a browser opens six. For another, the oldest without a request is closed.
+# Connections at a time: a browser opens six. Before one more is opened, the oldest connection
+# without a request is closed.
 _MAX_CONNECTIONS = 200
 # Seconds in which the head of a request must come.
 _HEAD_S = 10.0
-# Seconds that answers in progress have at the end.
+# Seconds that answers in progress may still take when the server stops.
 _GRACE_S = 2
 _Identity = Annotated[str, InPath(pattern=r"^[0-9a-f]{32}$")]
 _TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
@@ -279,7 +280,7 @@ def _add_names(app: FastAPI) -> None:
 
     @app.get("/api/land/{zoom}/{column}/{row}")
     def land(zoom: int, column: int, row: int) -> Response:
-        """Rings of the land in a tile: x, y, x, y, ... in quarters of a pixel of 512."""
+        """Rings of the land in a tile of 512 pixels: x, y, x, y, ... in quarters of a pixel."""
         from pipeline.serve.land import tile  # loads for half a second
 
         try:
@@ -313,7 +314,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
 
     @app.get("/api/plan/{identity}", response_model=None)
     async def state(identity: _Identity) -> dict[str, Any] | Response:
-        """How a plan goes: its state, the ways found so far, and its sides when they are known."""
+        """How a plan goes: its state, the ways found so far, and its routes when they are known."""
         plan = plans.get(identity)
         return _unknown() if plan is None else state_of(plans, plan)
 

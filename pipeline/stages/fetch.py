@@ -33,7 +33,8 @@ from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.places import avoided_zones, fetched_plane
 
-# Default limit of a voyage in changing currents, in times along the straight line in still water.
+# Default limit of a voyage in changing currents, as a multiple of the time that the vessel takes
+# along the straight line in still water.
 _LONGEST_WAY = 3.0
 # Hours by which that limit is longer, because the tide may turn against a short voyage.
 _DAY_HOURS = 24.0
@@ -163,7 +164,7 @@ class Fetcher:
         found = self.store.load_or_make(
             "surroundings", key, tuple, lambda: surroundings(self.region.shape)
         )
-        large_polygon.cache_clear()  # what is fetched last: planning needs the memory
+        large_polygon.cache_clear()  # nothing is fetched after this, and planning needs the memory
         return found
 
     def _stored_land(self, source: LandSource) -> Land:

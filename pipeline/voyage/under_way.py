@@ -6,9 +6,10 @@ recommended minimum sentence is
     $GPRMC,hhmmss.ss,A,ddmm.mm,N,dddmm.mm,E,knots,course,ddmmyy,variation,E,mode,status*hh
 
 with status V, mode N or empty fields where there is no fix, and `hh` the exclusive or of all bytes
-between $ and *. RMC is the one sentence with date, time and position, so none of the others is read
-and one expression does: a library brings its hundred sentences, each to be parsed and dropped, and
-what is hard here, lines that are glued, cut or not text at all, it leaves to its caller.
+between $ and *. RMC alone has date, time and position, so no other sentence is read, and one
+regular expression is enough. A library would parse a hundred kinds of sentences, which would all be
+dropped. And it would leave the difficult part to its caller: lines that are glued together, cut, or
+not text at all.
 """
 
 import contextlib
@@ -33,10 +34,11 @@ from pipeline.scenario.season import departure_name, interval, named_departure
 from pipeline.stages.under_way import FinishedSeason, finished_season
 from pipeline.voyage.request import UnderWayRequest
 
-# Longest beginning of a name to which a time is added, in characters; and what was added before.
+# Number of characters of a run's name that are kept when a time is added; and the form of a time
+# that an earlier replanning added.
 _NAME = 45
 _ADDED = re.compile(r"-at-\d{4}-\d{2}-\d{2}t\d{4}z$")
-# Keys of a season that leave its times open, or say what it was called by its departure.
+# Keys of a season that leave its times open; and its title, which may name the old departure.
 _OPEN = ("departures", "to_within", "arrive_by", "title")
 
 
@@ -45,7 +47,7 @@ def under_way_scenario(
 ) -> tuple[Scenario, tuple[str, ...]]:
     """Return the scenario of the voyage ahead, with notes on how the request was understood.
 
-    `finished` are the results that it names, if they have been read.
+    `finished` are the results that the request names, if they have been read already.
 
     Raises
     ------
@@ -157,7 +159,7 @@ _MODE = 11
 _LAST = datetime(9999, 12, 31, tzinfo=UTC).timestamp()
 # The kind of gpsd's JSON that has a position.
 _GPSD = "TPV"
-# The least mode in which it has one.
+# Least mode of such an object with a position.
 _GPSD_MODE = 2
 
 
@@ -235,13 +237,13 @@ def _midnight(date: bytes) -> float | None:
 
 
 def _checked(time: float, lon: float, lat: float) -> Fix | None:
-    """Return a position that may be one."""
+    """Return a position; None if its time, latitude or longitude is impossible."""
     is_one = 0 <= time < _LAST and abs(lat) <= 90 and abs(lon) <= 180
     return Fix(time, lon, lat) if is_one else None
 
 
 def _of_json(line: bytes) -> Iterator[Fix]:
-    """Read a line that begins as an object of JSON; more of them may follow on it."""
+    """Read a line that begins with an object of JSON; more objects may follow on the line."""
     with contextlib.suppress(ValueError, RecursionError):
         rest = line.decode()
         while rest.startswith("{"):
@@ -262,7 +264,7 @@ def _of_object(found: dict[str, object]) -> Fix | None:
 
 
 def _number(value: object) -> float | None:
-    """Return a number; None for anything else, a truth value or one beyond a float's range."""
+    """Return a number; None for a number beyond a float's range, a truth value and all else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:

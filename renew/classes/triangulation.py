@@ -1,10 +1,10 @@
 """Constrained Delaunay triangulation of the water.
 
 Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
-dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle makes it where that
-is installed (an extra, for its licence bars commercial distribution), else GEOS through shapely.
-Where no four vertices lie on one circle the constrained Delaunay triangulation is unique, and both
-give the same triangles, in another order.
+dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle makes the
+triangulation if it is installed, else GEOS does, through shapely. Triangle is an extra, because its
+licence bars commercial distribution. Where no four vertices lie on one circle the constrained
+Delaunay triangulation is unique, and both give the same triangles, in another order.
 
 Water can be closed as if it were land, such as water whose current is as strong as the vessel.
 """
@@ -31,10 +31,10 @@ _ON_EDGE = 1e-7
 Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
 # Tolerance, as a share of a cell, by which the outline of overpowered water is simplified.
 _TOLERANCE = 0.1
-# Largest current that counts as overpowering in a table, as a share of the vessel's speed: below 1,
-# so that the simplified outline doesn't cut into overpowered water.
+# Greatest threshold from which a current in a table counts as overpowering, as a share of the
+# vessel's speed. It is below 1, so that the simplified outline doesn't cut into overpowered water.
 _AT_MOST = 0.99
-# Least such current, however coarse the table is.
+# Least such threshold, however coarse the table is.
 _AT_LEAST = 0.5
 # Radius, in cells, of the water around start and goal that stays open: there the path itself finds
 # out how strong the current is.
@@ -94,7 +94,7 @@ class Triangulation:
 
     def open_outline(self, triangles: IntArray) -> FloatArray:
         """Return outer edges (w, 2, 2) of some triangles, except constrained ones, in metres."""
-        inside = np.zeros(len(self.triangles) + 1, dtype=bool)  # the last for "none", -1
+        inside = np.zeros(len(self.triangles) + 1, dtype=bool)  # the last is for -1: no neighbour
         inside[triangles] = True
         outer = ~inside[self.neighbours[triangles]] & ~self.hazardous[triangles]
         row, corner = np.nonzero(outer)

@@ -371,7 +371,7 @@ def _check_gyre(name: str, gyre: "GyreCurrent | SwingingGyre") -> None:
 
 
 def _is_figure(value: float | FloatArray) -> bool:
-    """Whether a value, or each of an array, is finite and so small that its square is, too."""
+    """Whether a value, or each of an array, is finite, and its square does not overflow."""
     return bool((np.abs(value) <= _MAX_FIGURE).all())
 
 
@@ -418,8 +418,8 @@ class VaryingCurrent(CurrentField):
         else:
             if not isinstance(currents, Sequence):
                 raise ParameterError(
-                    f"varying current: currents = {shown(currents)} must be a field for each time "
-                    "in a row, or one function"
+                    f"varying current: currents = {shown(currents)} must be a sequence with a "
+                    "field for each time, or one function"
                 )
             self._slices = tuple(map(as_field, currents))
             self._function = None
@@ -490,9 +490,9 @@ class VaryingCurrent(CurrentField):
 class SwingingGyre(CurrentField):
     """Two gyres side by side whose border swings to and fro (Shadden, Lekien & Marsden, 2005).
 
-    On the rectangle from (0, 0) to (width, height), in units of X = 2 x/width and Y = y/height:
-    ψ = A sin(π f) sin(π Y), f = ε sin(ωt) X² + (1 - 2 ε sin(ωt)) X; u = -∂ψ/∂Y, v = ∂ψ/∂X, each
-    for a width of two heights. A is `amplitude` (m/s), ε is `epsilon`, ω is `omega` (rad/s).
+    On the rectangle from (0, 0) to (width, height), in units of X = 2 x/width and Y = y/height: ψ =
+    A sin(π f) sin(π Y), f = ε sin(ωt) X² + (1 - 2 ε sin(ωt)) X; u = -∂ψ/∂Y and v = ∂ψ/∂X if the
+    width is two heights. A is `amplitude` (m/s), ε is `epsilon`, ω is `omega` (rad/s).
     """
 
     amplitude: float

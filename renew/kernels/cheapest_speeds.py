@@ -79,7 +79,7 @@ class Rows(NamedTuple):
 
     `points` (r, m, 2), m: the first and the last row are one point each, at index 0.
     `clear` (r - 1, m, m): whether a leg from one row to the next may be sailed.
-    `times` (r, q), s: ascending and even, at which V is known; the first is that of departure.
+    `times` (r, q), s: ascending, evenly spaced; V is known at them, and the first is the departure.
     `speeds` (r - 1, 2), m/s: lowest and highest speed of the legs from each row.
     """
 
@@ -158,7 +158,7 @@ def cheapest_chain(rows: Rows, costs: CostModel) -> Chain:
 
 @kernel
 def _traced(rows: Rows, cost: FloatArray, costs: CostModel) -> Chain:
-    """Return the chain that V (r, m, q), `cost`, gives."""
+    """Return the chain that follows from V (r, m, q), given as `cost`."""
     points, clear, times, speeds = rows
     last, count = len(points) - 1, points.shape[1]
     chain = np.zeros(last + 1, dtype=np.int64)
@@ -233,8 +233,8 @@ def _best_speed(
 def _cost_from(time: float, to_go: _CostToGo, costs: CostModel) -> float:
     """Return V at a time (s), linear between the times at which it is computed.
 
-    Before the first time V is constant; after the last, each second costs as much as lateness. So
-    leaving the window gains nothing.
+    V is constant before the first time. After the last one, each second costs as much as lateness.
+    So leaving the window gains nothing.
     """
     if to_go.is_goal:
         return costs.late_price * max(time - costs.deadline, 0.0)
@@ -304,7 +304,7 @@ def _leg_time(path: FloatArray, k: int, begin: float, speed: float, costs: CostM
 
 @kernel
 def slopes(speeds: FloatArray, made: SailedLegs, price: float, exponent: float) -> FloatArray:
-    """Return the slopes (n - 1,) of fuel + price × arrival, over α, by each leg's speed."""
+    """Return the derivatives (n - 1,) of fuel / α + price × arrival by each leg's speed."""
     times, by_begin, by_speed = made
     found = np.empty(len(speeds))
     for k in range(len(speeds) - 1, -1, -1):

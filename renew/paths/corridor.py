@@ -157,9 +157,10 @@ class Corridor:
     def way_out(self, path: FloatArray) -> FloatArray | None:
         """Return a point (2,) to which a straight leg leads from the start out of V.
 
-        Of the legs that are in V for hardly longer than the nearest one, it is the one that suits a
-        path (n, 2) best, and leads a few turning radii on. None where the path itself leaves V as
-        soon, where the start lies in the part of V around the goal, or where no leg leads out.
+        Only points count whose leg is in V for hardly longer than the shortest such leg. The point
+        is the one of these that suits a path (n, 2) best. Its leg is a few turning radii long at
+        least. None where the path itself leaves V as soon, where the start lies in the part of V
+        around the goal, or where no leg leads out.
         """
         start, holding = self.voyage.start, self.exempt[0]
         inside = path[: 1 + self._legs_in_soft_end(path, 0)]
@@ -206,7 +207,10 @@ class Corridor:
         return path
 
     def _beyond(self, end: FloatArray, holding: BoolArray) -> Capsules:
-        """Return what a leg from an end avoids: V elsewhere, and land in capsules that hold it."""
+        """Return what a leg from an end avoids.
+
+        That is the land in the capsules that hold the end, and all of the other capsules.
+        """
         capsules, slack = self.hard_capsules, SLACK * self.voyage.vessel.turning_radius
         # If an end lies on an edge, each leg from it touches that edge.
         on_edge = segment_distance(end, capsules.start, capsules.end) <= slack
@@ -305,9 +309,10 @@ class Corridor:
     def _outside_soft_ends(self, sections: Sections, free: FreeIntervals) -> BoolArray:
         """Return which sections (s,) to keep, so that a path can leave V around a start or goal.
 
-        Of sections without a free part, three kinds are left out: in the first triangle and in the
-        last one, which a path may cross beside them; the first sections, up to a free one, that
-        only the capsules around the start block; and likewise the last ones around the goal.
+        Three kinds of sections without a free part are left out. The first kind lies in the first
+        or the last triangle, which a path may cross beside the section. The second kind comes
+        before the first free section, and only the capsules around the start block it. The third
+        kind comes after the last free section, and only the capsules around the goal block it.
         """
         keep = ~free.blocked
         if keep.all():

@@ -70,9 +70,10 @@ def finished(plan: Plan, request: Request) -> Plan:
 def planner_of(
     request: Request, closed: Collection[Opening] = (), most: float | None = None
 ) -> ClassPlanner:
-    """Return the planner at a request's departure, for speeds up to `most` (m/s); it is kept.
+    """Return the planner at a request's departure, for speeds up to `most` (m/s), made once.
 
-    Areas in `closed` are closed like land. Without a choice of speeds it uses the vessel's own.
+    Areas in `closed` are closed like land. If no speeds are to be chosen, the planner uses the
+    vessel's own.
     """
     key = frozenset(closed), most
     if key not in request.planners:

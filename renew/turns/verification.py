@@ -67,7 +67,7 @@ def passage_windows(
 _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
 # Margin (share of v/ω) added to land, so that another seed, or a place between two stations, shows
-# no collision that the verification missed. Growing padding adds this margin once more.
+# no collision that the verification missed. When padding grows, this margin is added once more.
 _MARGIN = 0.05
 # Padding grows by this factor times what it lacks, because the new path meets another current.
 _OVERSHOOT = 1.3
@@ -98,10 +98,10 @@ def colliding_edges(
 ) -> tuple[IntArray, FloatArray] | None:
     """Return constrained edges that turns along a path touch, and the padding they lack (m).
 
-    None if no turn touches any, in any of the voyages: the same one in several currents, each by
-    its own clock. `reach` bounds how far a turn can get. Turns begun in the part of V around a
-    start or goal that itself lies in V are left out: no padding there could help. Turns are
-    simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
+    None if no turn touches an edge in any of the voyages. These are one voyage in several currents,
+    each by its own clock. `reach` bounds how far a turn can get. Turns begun in the part of V
+    around a start or goal that itself lies in V are left out: no padding there could help. Turns
+    are simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
     """
     voyage = voyages[0]
     vessel = voyage.vessel
@@ -276,10 +276,10 @@ def risky_edges(
 ) -> tuple[IntArray, FloatArray] | None:
     """Return constrained edges that too many turns along a path reach, and the padding they lack.
 
-    No more than a share `risk` of the turns drawn at any station may reach land: in currents drawn
-    from the mean and spread in its triangle, one of `corners` (t, 3, 2), and on headings about its
-    own. None where all stations meet the risk. Stations in V around a start or goal that itself
-    lies in V are left out: no padding there could help.
+    No more than a share `risk` of the turns drawn at any station may reach land. Currents are drawn
+    from the mean and spread in the station's triangle, one of `corners` (t, 3, 2), and headings
+    about the station's course. None where all stations meet the risk. Stations in V around a start
+    or goal that itself lies in V are left out: no padding there could help.
     """
     if not len(padded.edge):
         return None
@@ -336,7 +336,7 @@ def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Station
 
 
 def _batches(row: IntArray, draws: int) -> Iterator[slice]:
-    """Yield slices of ascending rows (p,) with all pairs of their rows and not too many turns."""
+    """Yield slices of ascending rows (p,) that hold all pairs of their rows; few turns each."""
     bounds = np.append(np.flatnonzero(np.diff(row, prepend=-1)), len(row))
     begin = 0
     while begin < len(row):

@@ -1,16 +1,17 @@
 """Plan one voyage in the mean of an ensemble of currents; how its routes do in every member.
 
-The lower bound on a statistic of the fuel of any one route over the members rests on this.
+A statistic over the members of the fuel of any one route has a lower bound, for these reasons.
 
 For steady members with fields cₘ, weights qₘ and any one path, Σ qₘ Fₘ >= F in the field Σ qₘ cₘ:
 the speed over ground along a course is concave in the current, and 1/g is convex and falls. So the
 bound in the mean current holds for the mean fuel. CVaR is the largest mean over a set of weights:
-whichever of them are taken, the bound in their mean current holds. Frank and Wolfe's rounds
-(1956) look for good ones, each towards the worst members of the best known path. For members that
-change the clocks differ, and the theorem fails.
+the bound in the mean current by any weights of this set holds. Frank and Wolfe's rounds (1956) look
+for weights with a high bound; each moves them towards the worst members for the best known path. If
+members change with time, their clocks differ, and the theorem fails.
 
-For all members a second bound is the same statistic of their own bounds: a statistic never falls
-when a fuel rises. The larger one counts. Proofs: `docs/explanation/lower-bound.md`.
+For steady and changing members there is a second bound: the statistic of the members' own bounds.
+It holds because a statistic never falls when a fuel rises. The larger one counts. Proofs:
+`docs/explanation/lower-bound.md`.
 
 The members are fields that may each come true, with weights. Statistics of the fuel of classes are
 taken over them.
@@ -297,8 +298,8 @@ _ROUNDS = 3
 class EnsembleBound:
     """What any one route needs at least, as a statistic over the members; found when asked for.
 
-    `voyage` is in the mean of the members, whose bound on fuel is `in_mean`; `paths` (n, 2), m, are
-    known ones.
+    `voyage` is in the mean of the members; its bound on fuel is `in_mean`. `paths` (n, 2), m, are
+    known paths.
     """
 
     voyage: Voyage
@@ -330,10 +331,10 @@ class EnsembleBound:
         if tail in self._known:
             return self._known[tail]
         weights, best = self.members.weights, 0.0
-        # In each member, infinite where no way is made.
+        # Fuel of each path in each member; infinite where the vessel makes no way.
         fuels = np.array([self._by_member(partial(Voyage.fuel, path=path)) for path in self.paths])
         for at in range(_ROUNDS):
-            # Which members are the worst hardly depends on which path that is good here it is.
+            # Any path that is good in this mean would do: all have nearly the same worst members.
             here = self._in_mean(weights)
             nearest = int(np.argmin([here.fuel(path) for path in self.paths]))
             step = 2 / (at + 2)
@@ -368,7 +369,7 @@ class ShutInMember(NamedTuple):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class EnsemblePlan:
-    """A route a class, planned in the mean current, and how it does in every member.
+    """One route for each class, planned in the mean current, and how it does in every member.
 
     Attributes
     ----------
@@ -466,8 +467,8 @@ def plan_ensemble(
         The members' names, for messages and results; by default ``member 1`` and so on.
     choose : {"mean", "p90", "cvar90", "regret"}
         What the class is chosen by: the mean fuel over the members, the fuel that nine in ten do
-        not exceed, the mean fuel of the worst tenth, or the largest fuel above the best class of
-        a member.
+        not exceed, the mean fuel of the worst tenth, or the most fuel, in any member,
+        above that of the member's best class.
     sure : float
         Share of a bootstrap's differences that must lie on one side for a class to count as dearer.
     avoid : sequence of ShutArea

@@ -314,7 +314,8 @@ _LABEL_ROOM_PT = 9.0
 def side_room_pt(result: RunResult) -> tuple[float, float]:
     """Return the room left and right of a map for the labels of its grid, points.
 
-    The longest label of a parallel fits at the left, half of a meridian's longest one at the right.
+    At the left there is room for the longest label of a parallel; at the right, for half of the
+    longest label of a meridian.
     """
     water = result.water
     grid = graticule(water.projection, water.chart.extent, in_metres=water.is_planar)

@@ -1,9 +1,10 @@
 """Constants of tidal streams, fitted by least squares to a user's own hourly currents.
 
-At each node u(t) = mean + Σ f Re[c exp(i (V + u))], c = u_re + i u_im, and v alike: f, V and u by
-`renew.inputs.tide.arguments` for each hour, so that a series longer than a year needs no mean nodal
-factor. The normal equations are summed as the file is read. By Rayleigh's criterion a series
-separates two constituents if one makes a turn more than the other within the series.
+At each node the current to east is mean + Σ f Re[c exp(i (V + u))], with c = u_re + i u_im, and the
+current to north likewise. `renew.inputs.tide.arguments` gives the factor f, the argument V and the
+nodal angle u for each hour, so that a series longer than a year needs no mean nodal factor. The
+normal equations are summed as the file is read. By Rayleigh's criterion a series separates two
+constituents if one makes a turn more than the other within the series.
 """
 
 from collections.abc import Iterator, Sequence
@@ -100,8 +101,8 @@ def _series_faults(steps: TimeSteps) -> Iterator[str]:
         )
     if days < _LEAST_DAYS:
         yield (
-            f"it has {days:.1f} days, fewer than {_LEAST_DAYS:g}, which separate only "
-            f"{apart}, each mixed with its neighbours; give a longer series, best a year"
+            f"it has {days:.1f} days, fewer than {_LEAST_DAYS:g}; they separate only {apart}, "
+            "each mixed with its neighbours; give a longer series, best a year"
         )
     holes = [pair for pair in pairwise(moments) if pair[1] - pair[0] > interval + _SLACK]
     if holes:
@@ -166,8 +167,8 @@ def _design(
 ) -> FloatArray:
     """Return the columns (steps, 1 + 2 constituents) of which the series is a weighted sum.
 
-    The mean over a step of some width is the current at its middle times the sinc of half the angle
-    by which the constituent turns in that width.
+    If steps have a width, a constituent's mean over a step is its current in the middle of the step
+    multiplied by the sinc of half the angle by which it turns within the step.
     """
     factors, angles = arguments(names, moments)
     if width is not None:

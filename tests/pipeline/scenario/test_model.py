@@ -177,7 +177,7 @@ def test_changing_currents_are_planned_at_true_scale() -> None:
     tide = asked(seasons=[CHANGING])
     begin, end = parse_scenario(tide).passage("tide", 5400.0) or (None, None)
     assert f"{begin}, {end}" == "2026-11-22 06:00:00+00:00, 2026-11-22 07:30:00+00:00"
-    with pytest.raises(RequestError, match=r"a scale other than 1 .* hours of tide"):
+    with pytest.raises(RequestError, match=r"a scale other than 1 .* the tide would change"):
         parse_scenario({**tide, "scale": 1000.0})
 
 

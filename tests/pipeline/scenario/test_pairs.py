@@ -254,7 +254,7 @@ def test_a_pair_is_named_with_its_season_reason_and_remedy(folder: Path) -> None
     (line,) = caught.value.faults
     assert line == (
         "season 'day' has 'members' together with 'arrive_by' and 'speed': each member has times "
-        "of its own, so no one choice is in time in all of them; leave one of the two out"
+        "of its own, so no single choice arrives in time in all members; leave one of the two out"
     )
 
 

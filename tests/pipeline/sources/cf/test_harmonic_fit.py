@@ -102,7 +102,7 @@ def test_means_of_an_hour_are_recognised_by_their_bounds_and_corrected(tmp_path:
     [
         (
             lambda one: one.isel(time=slice(28 * 24)),
-            ["it has 28.0 days, fewer than 29, which separate"],
+            ["it has 28.0 days, fewer than 29; they separate"],
         ),
         (lambda one: one.isel(time=slice(None, None, 24)), ["its steps are 24 hours apart, which"]),
         (
