@@ -75,7 +75,7 @@ def test_the_terminal_speaks_of_no_go_areas(with_depths: RunResult, tmp_path: Pa
     text = terminal(with_depths, tmp_path)
     assert not said(text.splitlines())
     assert "clear of no-go areas</th>" in text
-    assert "stay off the no-go areas" in text
+    assert "have to avoid the no-go areas" in text
     assert all("met no-go areas" in note for note in note_texts(safety_notes(with_depths)))
 
 
