@@ -45,6 +45,7 @@ from pipeline.formats.tables import (
     leg_headings,
     printed_rows,
     rows,
+    tightest_place,
     tightest_text,
 )
 
@@ -189,12 +190,13 @@ def _facts(points: Waypoints) -> list[str]:
     least = distance_text(planned.clearance_m)
     gap = f"Optimality gap: {case.gap_figure(planned)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
+    tightest = tightest_place(points.ranked)
     return [
         f"Vessel: {ship}; {through} through the water, turns at {turn_rate} a second.",
         f"Way: {way}, {passage}.",
         _times_text(points),
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
-        tightest_text(points.ranked),
+        tightest_text(case.case, tightest) if tightest else "",
         _current_text(case),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
         _scale_text(case.scenario.scale),

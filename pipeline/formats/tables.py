@@ -299,11 +299,8 @@ def tightest_place(ranked: RankedRoute) -> renew.Tightest | None:
     return renew.tightest(ranked.route, case.current, case.vessel, seed=seed)
 
 
-def tightest_text(ranked: RankedRoute) -> str:
-    """Say how wide the padding is where the route is closest to it; empty without padding."""
-    case, tightest = ranked.case.case, tightest_place(ranked)
-    if tightest is None:
-        return ""
+def tightest_text(case: Case, tightest: renew.Tightest) -> str:
+    """Say how wide the padding is at a case's tightest place."""
     where = case.water.place_text(tightest.point)
     if not case.water.is_planar:
         longitude, latitude = case.projection.to_lonlat(tightest.point).tolist()

@@ -387,7 +387,7 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         safe = f"{width * (1 - 5e-4):.4g}"
         fixed = {"padding": float(safe), "clearance": 0.0, "risk_at": "route"}
         remedies += planned_with(f"padding = {safe} (planar m)", **fixed)
-    none = Text("none was found with more risk or less padding")
+    none = Text("no other risk or padding was found that leaves one")
     return [Text("the widest way through has a gap of {0}", (Length(gap),)), *(remedies or [none])]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
+import renew
 from pipeline._types import FloatArray
 from pipeline.findings import choices, text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
@@ -267,6 +268,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
     said = case_facts(case)
     rival = said.rival if said else None
     found = choices.trade_off(case)
+    tightest = tightest_place(ranked[0]) if ranked else None
     return {
         "title": title,
         "anchor": anchor,
@@ -286,8 +288,8 @@ def case_section(case: RunCase) -> dict[str, Any]:
             "label": label,
         },
         "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
-        "padding": _padding(ranked[0], title, anchor) if ranked else "",
-        "tightest": tightest_text(ranked[0]) if ranked else "",
+        "padding": tightest and _padding(case, tightest),
+        "tightest": tightest and tightest_text(case.case, tightest),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
         "choices": list(_choices(case, found)),
@@ -342,13 +344,13 @@ def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
     )
 
 
-def _padding(best: RankedRoute, title: str, anchor: str) -> Markup:
-    """Plot the reach of turns at the best route's tightest place; empty without padding."""
-    tightest = tightest_place(best)
+def _padding(case: RunCase, tightest: renew.Tightest) -> Markup:
+    """Plot the reach of turns at the best route's tightest place."""
     return page_svg(
-        padding_figure(tightest, best.case.case.projection.scale) if tightest else None,
-        identity=f"{anchor}-padding",
-        label=f"How far hard-over turns reach at the tightest place of the best route of {title}",
+        padding_figure(tightest, case.case.projection.scale),
+        identity=f"season-{case.number + 1}-padding",
+        label="How far hard-over turns reach at the tightest place of the best route of "
+        f"{case.title}",
     )
 
 
