@@ -26,12 +26,21 @@ export class Chart {
     this.other = L.layerGroup().addTo(this.map);
     this.map.fitBounds(WORLD);
     this.map.on("click", (event) => this.click(event.latlng));
+    this.moving = false;
+    this.map.on("movestart", () => { this.moving = true; });
+    this.map.on("moveend", () => { this.moving = false; });
     element.addEventListener("keydown", (event) => {
       if (event.target !== element || event.ctrlKey || event.metaKey || event.altKey) return;
       const letter = event.key.toLowerCase();
-      if ("sgv".includes(letter)) heard.key(letter, this.text(this.map.getCenter()));
-      if (letter === "a" && this.corners) this.click(this.map.getCenter());
+      if ("sgv".includes(letter)) this.whenStill(() => heard.key(letter, this.text(this.map.getCenter())));
+      if (letter === "a" && this.corners) this.whenStill(() => this.click(this.map.getCenter()));
     });
+  }
+
+  /** Act now, or where the map comes to rest: an arrow key moves it over some frames. */
+  whenStill(act) {
+    if (this.moving) this.map.once("moveend", act);
+    else act();
   }
 
   text(latlng) {
