@@ -16,7 +16,8 @@ from pipeline.findings.text import distance, fuel
 from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures import chart_map, season_map
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.turns.contingency import TurnsBegun, fly_turns
+from renew.kernels.turn_tracks import TurnsBegun
+from renew.turns.contingency import fly_turns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,8 +11,9 @@ import shapely
 import renew
 from renew._types import FloatArray
 from renew.errors import InfeasibleError
+from renew.kernels.turn_tracks import TurnsBegun
 from renew.steering.trajectory import steer
-from renew.turns.contingency import TurnsBegun, contingency, fly_turns, stations
+from renew.turns.contingency import contingency, fly_turns, stations
 from renew.voyage.voyage import Voyage
 
 # Ends of a path may be off the voyage's by this share of its length: rounding.

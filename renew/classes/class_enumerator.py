@@ -36,6 +36,7 @@ from renew.classes.k_best_paths import (
     triangles_crossed,
 )
 from renew.classes.roadmap import (
+    START,
     Resolution,
     Roadmap,
     Tube,
@@ -73,7 +74,7 @@ class _Roads:
     @cached_property
     def everywhere(self) -> Roadmap:
         """Nodes over the whole water, and legs."""
-        return self._roadmap(self.voyage, resolution_for(self.voyage, self.triangulation))
+        return self.roadmap(self.voyage, resolution_for(self.voyage, self.triangulation))
 
     @cached_property
     def time_to_go(self) -> FloatArray:
@@ -83,20 +84,20 @@ class _Roads:
     @cached_property
     def closer(self) -> Roadmap:
         """Nodes over the whole water, closer together, with legs in more directions."""
-        return self._roadmap(self.voyage, closer(resolution_for(self.voyage, self.triangulation)))
+        return self.roadmap(self.voyage, closer(resolution_for(self.voyage, self.triangulation)))
 
     def beside(self, paths: Sequence[FloatArray], voyage: Voyage) -> tuple[Roadmap, float]:
         """Return nodes beside paths (n, 2), closer together, and a cell's size (m)."""
         whole = resolution_for(voyage, self.triangulation)
         resolution, tube = resolution_beside(paths, voyage, whole)
-        return self._roadmap(voyage, resolution, tube), tube.cell
+        return self.roadmap(voyage, resolution, tube), tube.cell
 
     def stream(self, voyage: Voyage) -> Stream:
         """Return the current in which legs are timed; still water for order "length"."""
         table = voyage.table if self.order == "fuel" else STILL_WATER
         return Stream(table, voyage.polar, voyage.clock)
 
-    def _roadmap(self, voyage: Voyage, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
+    def roadmap(self, voyage: Voyage, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
         """Return nodes over the water, or in a tube."""
         return roadmap(
             voyage,
@@ -195,7 +196,22 @@ class ClassEnumerator:
     def best_closely(self) -> list[Channel]:
         """Return the best channel of a closer roadmap, if there is one."""
         graph = self._roads.closer
-        return self._quickest(graph, np.asarray(time_to_go(graph)), self._rays, 1)
+        return self.channels_on(graph, 1)
+
+    @property
+    def least_time(self) -> float:
+        """Least time (s) from start to goal on the roadmap, at any hour; inf without a way."""
+        if self.parts:
+            return sum(part.least_time for part in self.parts)
+        return float(self._roads.time_to_go[START])
+
+    def roadmap(self, resolution: Resolution) -> Roadmap:
+        """Return a roadmap over the whole water at another resolution."""
+        return self._roads.roadmap(self._voyage, resolution)
+
+    def channels_on(self, graph: Roadmap, count: int) -> list[Channel]:
+        """Return the first `count` channels on a roadmap of this water."""
+        return self._quickest(graph, np.asarray(time_to_go(graph)), self._rays, count)
 
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
         """Search again on a finer roadmap near given paths (n, 2); return `count` channels.

@@ -353,13 +353,18 @@ _OLDER = 4  # the label that the node had before
 _SETTLED = 5  # 1 once the label is settled
 
 
-@kernel
 def time_to_go(graph: Roadmap) -> FloatArray:
     """Return the least time (n,), s, from each node to the goal, at any hour; inf without a way."""
+    return np.asarray(time_from(graph, GOAL, graph.back))
+
+
+@kernel
+def time_from(graph: Roadmap, root: int, times: FloatArray) -> FloatArray:
+    """Return the least sum (n,), s, of legs' times (m,) from a root to each node; inf for none."""
     time = np.full(len(graph.points), np.inf)
-    time[GOAL] = 0.0
+    time[root] = 0.0
     done = np.zeros(len(time), dtype=np.bool_)
-    queue = [(0.0, GOAL)]
+    queue = [(0.0, root)]
     while queue:
         now, node = heapq.heappop(queue)
         if done[node]:
@@ -367,7 +372,7 @@ def time_to_go(graph: Roadmap) -> FloatArray:
         done[node] = True
         for leg in range(graph.first[node], graph.first[node + 1]):
             other = graph.head[leg]
-            arrival = now + graph.back[leg]
+            arrival = now + times[leg]
             if arrival < time[other]:
                 time[other] = arrival
                 heapq.heappush(queue, (arrival, other))

@@ -182,7 +182,7 @@ def roadmap(
         inside = tube.holds(gates)
         gates, beside_gates = gates[inside], beside_gates[inside]
         wanted = tube.holds_nodes(x, y)
-    grid = _triangles_of(x, y, mesh, wanted)
+    grid = grid_triangles(x, y, mesh, wanted)
     row, column = np.nonzero(grid >= 0)
     points = np.concatenate([ends, gates, np.column_stack([x[column], y[row]])])
     triangle = np.concatenate([holding, beside_gates[:, 0], grid[row, column]])
@@ -325,8 +325,11 @@ def _loose_pairs(points: FloatArray, around: IntArray, radius: float) -> IntArra
 
 
 @kernel
-def _triangles_of(x: FloatArray, y: FloatArray, mesh: Mesh, wanted: BoolArray) -> IntArray:
-    """Return the triangle (ny, nx) of each point of a grid; -1 on or near land, or if unwanted."""
+def grid_triangles(x: FloatArray, y: FloatArray, mesh: Mesh, wanted: BoolArray) -> IntArray:
+    """Return the triangle (ny, nx) of each point of a grid; -1 off the water, or if unwanted.
+
+    Points closer to land than the mesh's clearance are off the water.
+    """
     holding = np.full((len(y), len(x)), -1, dtype=np.int64)
     for t in range(len(mesh.corners)):
         (ax, ay), (bx, by), (cx, cy) = mesh.corners[t]

@@ -309,6 +309,69 @@ def _touches(xs: FloatArray, ys: FloatArray, axis: Segment, radius: float) -> bo
     return False
 
 
+@kernel
+def track_distances(
+    tracks: FloatArray,
+    first: IntArray,
+    near: IntArray,
+    start: FloatArray,
+    end: FloatArray,
+    most: float,
+) -> FloatArray:
+    """Return the least distance (p,), m, of tracks (n, turns, steps, 2) from segments (e, 2).
+
+    The tracks of point i are compared with the segments near[first[i] : first[i + 1]]; see
+    :func:`segments_near`. It is -1 for a segment that a track crosses, and `most` for one that no
+    track comes as near.
+    """
+    least = np.full(len(near), most * most)
+    for i in range(len(tracks)):
+        for turn in range(tracks.shape[1]):
+            xs, ys = tracks[i, turn, :, 0], tracks[i, turn, :, 1]
+            (west, east), (south, north) = extremes(xs), extremes(ys)
+            for p in range(first[i], first[i + 1]):
+                h = near[p]
+                ax, bx = min(start[h, 0], end[h, 0]), max(start[h, 0], end[h, 0])
+                ay, by = min(start[h, 1], end[h, 1]), max(start[h, 1], end[h, 1])
+                dx, dy = max(ax - east, west - bx, 0.0), max(ay - north, south - by, 0.0)
+                if dx * dx + dy * dy > least[p]:
+                    continue
+                axis = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
+                for k in range(len(xs) - 1):
+                    leg = Segment(xs[k], ys[k], xs[k + 1], ys[k + 1])
+                    least[p] = min(least[p], _square_apart(leg, axis))
+    return np.where(least < 0.0, -1.0, np.sqrt(np.maximum(least, 0.0)))
+
+
+@small_kernel
+def _square_apart(one: Segment, other: Segment) -> float:
+    """Return the squared distance of two segments, m²; -1 if they cross."""
+    ux, uy, vx, vy = one.bx - one.ax, one.by - one.ay, other.bx - other.ax, other.by - other.ay
+    before = ux * (other.ay - one.ay) - uy * (other.ax - one.ax)
+    after = ux * (other.by - one.ay) - uy * (other.bx - one.ax)
+    behind = vx * (one.ay - other.ay) - vy * (one.ax - other.ax)
+    beyond = vx * (one.by - other.ay) - vy * (one.bx - other.ax)
+    if before * after < 0.0 and behind * beyond < 0.0:
+        return -1.0
+    return min(
+        square_off(one.ax, one.ay, other),
+        square_off(one.bx, one.by, other),
+        square_off(other.ax, other.ay, one),
+        square_off(other.bx, other.by, one),
+    )
+
+
+@small_kernel
+def square_off(x: float, y: float, segment: Segment) -> float:
+    """Return the squared distance of a point from a segment, m²."""
+    ux, uy = segment.bx - segment.ax, segment.by - segment.ay
+    square = ux * ux + uy * uy
+    place = ((x - segment.ax) * ux + (y - segment.ay) * uy) / square if square > 0.0 else 0.0
+    place = min(max(place, 0.0), 1.0)
+    dx, dy = x - segment.ax - place * ux, y - segment.ay - place * uy
+    return dx * dx + dy * dy
+
+
 def segment_distance(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
     """Return the distances (...) from points (..., 2) to segments pq (..., 2)."""
     return np.asarray(np.linalg.norm(points - nearest_on_segments(points, p, q), axis=-1))

@@ -42,7 +42,8 @@ class Corridor:
     (w, 2, 2) are outer edges that are no hazard: water too far off, or the end of the chart. Paths
     are planned in the voyage's table of the current, by the drift model of `polar`. With via
     points, `by_part` has the padding of each part of the voyage, and `padded` has all their edges
-    with the least padding of each.
+    with the least padding of each. Where padding `is_fitted`, simulated turns alone say how wide it
+    must be.
     """
 
     voyage: Voyage
@@ -53,6 +54,7 @@ class Corridor:
     open_outline: FloatArray
     padded: PaddedEdges
     by_part: tuple[PaddedEdges, ...] = ()
+    is_fitted: bool = False
 
     def with_padding(self, parts: Sequence[PaddedEdges]) -> "Corridor":
         """Return the corridor with other padding: of the whole voyage, or of each part."""

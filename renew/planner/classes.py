@@ -19,6 +19,8 @@ from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import Channel, Transition, widest_gap
 from renew.classes.h_signature import Word, shortened
 from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
+from renew.planner.fit import fitted, fitted_along
+from renew.planner.free_ways import FreeWays, has_fine_roadmap
 from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
@@ -40,6 +42,16 @@ _CLEARLY_DEARER = 1.03
 # A class whose estimated fuel is more than this ratio times the best is skipped if a cheaper class
 # has a path.
 _WORTH_A_LOOK = 1.25
+# Share of the best fuel below which a path on a roadmap of free turns is searched: its legs lead in
+# few directions.
+_WORTH_A_SEARCH = 1.005
+# Ratio to the best fuel up to which the padding of a class is fitted.
+_CLOSE = 1.1
+# Ratio of the best fuel to that of the best way on the roadmap from which padding costs so much
+# that ways of free turns are searched.
+_PADDED_OFF = 1.01
+# Largest number of such ways.
+_FREE_WAYS = 4
 # Number of cells of the grid on which a mean travel time is found, over land narrower than a cell,
 # to see whether a better route may exist.
 _GLANCE = 2_000
@@ -84,6 +96,7 @@ class ClassSearch:
         self._too_dear: dict[Word, float] = {}
         self._slipped: dict[Word, ClassPath] = {}
         self._done: set[Word] = set()
+        self._fitted: set[Word] = set()
 
     @property
     def all_found(self) -> Mapping[Word, ClassPath]:
@@ -169,11 +182,39 @@ class ClassSearch:
 
     def plan(self, classes: int) -> Plan:
         """Return the routes of `classes` classes, least fuel first."""
+        self.fit(classes)
         best = sorted(self.all_found.values(), key=lambda found: found.fuel)[:classes]
         routes = tuple(map(self._planner.route, best))
         rejected = tuple(one for word, one in self.rejected.items() if word not in self.found)
         water = self._planner.problem.overpowered_water
         return Plan(routes, rejected, chosen_class(routes) if routes else 0, water)
+
+    def fit(self, classes: int) -> None:
+        """Fit the padding of the best paths to their turns, and open classes that padding shuts.
+
+        Only classes are opened that may be among the best.
+        """
+        planner = self._planner
+        if not planner.fits_padding:
+            return
+        best = sorted(self.all_found, key=lambda word: self.found[word].fuel)
+        for word in best[:classes]:
+            if self.found[word].fuel > _CLOSE * self.found[best[0]].fuel:
+                break
+            if word not in self._fitted:
+                self._fitted.add(word)
+                self.found[word] = fitted(planner, self.found[word])
+        problem = planner.problem
+        least = min((one.fuel for one in self.found.values()), default=math.inf)
+        bound = problem.voyage.vessel.fuel_rate * problem.scout(problem.likely_width).least_time
+        if least <= _PADDED_OFF * bound or not has_fine_roadmap(problem):
+            return
+        most = _WORTH_A_SEARCH * least
+        ways = FreeWays(problem)
+        for channel in ways.channels(min(classes, _FREE_WAYS), most):
+            with contextlib.suppress(InfeasibleError):
+                found = fitted_along(planner, channel, ways)
+                _keep_best(self.found, problem.word(found.path), found)
 
     def plan_in_rounds(
         self,

@@ -85,7 +85,7 @@ class PaddingGrowth:
 
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
         """Return the shortfall where a path bulges out of the channel for which padding was set."""
-        if not self.options.is_adaptive:
+        if corridor.is_fitted or not self.options.is_adaptive:
             return None
         return _any(self._bulge_shortfall(*part) for part in corridor.parts(path))
 

@@ -88,6 +88,18 @@ class ClassPlanner:
         same = problem.with_options(self.options)
         return ClassPlanner(same, self._model, thorough=self.is_thorough)
 
+    @property
+    def fits_padding(self) -> bool:
+        """Whether padding is fitted to the turns of paths."""
+        options = self.options
+        return (
+            options.padding == "adaptive"
+            and options.method == "optimal"
+            and options.risk_at == "route"
+            and self.is_thorough
+            and not self.problem.voyage.has_price
+        )
+
     @cached_property
     def unpadded(self) -> "ClassPlanner":
         """The planner of the same classes without adaptive padding."""
@@ -118,6 +130,13 @@ class ClassPlanner:
             lambda wider, found: self._found(wider, found.path),
             _MAX_ROUNDS,
         )
+
+    def near(self, corridor: Corridor, path: FloatArray) -> ClassPath:
+        """Return a path (n, 2) of a corridor after steering, without other attempts."""
+        found = self._steered_in_class(corridor, corridor, path)
+        if found is None:
+            raise InfeasibleError("its least-fuel path slips into another class")
+        return found
 
     def route(self, found: ClassPath) -> Route:
         """Return the route along a path, with all figures, at the speeds of its profile if any."""

@@ -9,14 +9,12 @@ For the report, the reach of such turns is also drawn at the place where a route
 land.
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import shapely
 
-from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, shown
 from renew.inputs.chart_and_vessel import Chart, Vessel
@@ -28,7 +26,7 @@ from renew.inputs.current import (
     sample_statistics,
 )
 from renew.inputs.options import Drift, check_seed, check_turns
-from renew.kernels.current_table import CurrentTable, velocity
+from renew.kernels.turn_tracks import TurnsBegun, flown_by_table
 from renew.results import Route
 from renew.turns.turn_reach import (
     MAX_DEVIATIONS,
@@ -180,18 +178,6 @@ def _drawn_deviations(count: int, seed: int) -> FloatArray:
     return deviations
 
 
-class TurnsBegun(NamedTuple):
-    """Points (n, 2), m, where turns begin, and the course (n,), rad, and the time (n,), s, there.
-
-    `speeds` (n,) are through water, m/s.
-    """
-
-    points: FloatArray
-    course: FloatArray
-    times: FloatArray
-    speeds: FloatArray
-
-
 def fly_turns(
     begun: TurnsBegun,
     field: CurrentField,
@@ -208,7 +194,7 @@ def fly_turns(
     heading = crab_heading(points, course, field, speeds, times)
     changes = perturbations(points, field, vessel, deviations, times)
     if isinstance(field, TabulatedCurrent):
-        flown = _flown_by_table(begun, heading, changes, field.nodes, vessel.turn_rate, steps)
+        flown = flown_by_table(begun, heading, changes, field.nodes, vessel.turn_rate, steps)
         return np.asarray(flown)
     return _flown(begun, heading, changes, field, vessel, steps)
 
@@ -246,64 +232,6 @@ def _flown(
         )
         track.append(position)
     return np.stack(track, axis=-2).reshape(len(points), 2 * speed_change.shape[1], steps + 1, 2)
-
-
-@kernel
-def _flown_by_table(
-    begun: TurnsBegun,
-    heading: FloatArray,
-    changes: tuple[FloatArray, FloatArray],
-    table: CurrentTable,
-    turn_rate: float,
-    steps: int,
-) -> FloatArray:
-    """Return tracks as :func:`_flown` gives them, of a current in a table: compiled."""
-    (points, _, times, speeds), (speed_change, direction_change) = begun, changes
-    count, draws = speed_change.shape
-    tracks = np.empty((count, 2 * draws, steps + 1, 2))
-    step = 2 * math.pi / turn_rate / steps
-    through = np.empty((steps, 2))
-    for i in range(count):
-        speed = speeds[i]
-        for side in range(2):
-            rate = turn_rate if side == 0 else -turn_rate
-            for k in range(steps):
-                middle = heading[i] + rate * step * (k + 0.5)
-                through[k, 0], through[k, 1] = speed * math.cos(middle), speed * math.sin(middle)
-            for draw in range(draws):
-                cos, sin = math.cos(direction_change[i, draw]), math.sin(direction_change[i, draw])
-                more = speed_change[i, draw]
-                x, y = points[i]
-                track = tracks[i, 2 * draw + side]
-                track[0, 0], track[0, 1] = x, y
-                for k in range(steps):
-                    now = times[i] + k * step
-                    u, v = _perturbed_velocity(velocity(table, x, y, now), more, cos, sin)
-                    u, v = _perturbed_velocity(
-                        velocity(
-                            table,
-                            x + step / 2 * (through[k, 0] + u),
-                            y + step / 2 * (through[k, 1] + v),
-                            now + step / 2,
-                        ),
-                        more,
-                        cos,
-                        sin,
-                    )
-                    x, y = x + step * (through[k, 0] + u), y + step * (through[k, 1] + v)
-                    track[k + 1, 0], track[k + 1, 1] = x, y
-    return tracks
-
-
-@kernel
-def _perturbed_velocity(
-    current: tuple[float, float], more: float, cos: float, sin: float
-) -> tuple[float, float]:
-    """Return a velocity (m/s) with its speed changed and its direction rotated by an angle."""
-    u, v = current
-    speed = math.sqrt(u * u + v * v)
-    factor = max(0.0, speed + more) / speed if speed > 0.0 else 0.0
-    return factor * (u * cos - v * sin), factor * (u * sin + v * cos)
 
 
 def _touching(turns: FloatArray, tree: shapely.STRtree) -> BoolArray:

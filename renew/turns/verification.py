@@ -24,9 +24,11 @@ from renew.kernels.capsules import (
     nearest_on_segments,
     segment_distance,
     segments_near,
+    track_distances,
     tracks_touch,
 )
-from renew.turns.contingency import TurnsBegun, fly_turns, perturbations, stations
+from renew.kernels.turn_tracks import TurnsBegun
+from renew.turns.contingency import fly_turns, perturbations, stations
 from renew.turns.padding_model import PaddedEdges
 from renew.turns.turn_reach import (
     MAX_DEVIATIONS,
@@ -68,7 +70,7 @@ _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
 # Margin (share of v/ω) added to land, so that another seed, or a place between two stations, shows
 # no collision that the verification missed. When padding grows, this margin is added once more.
-_MARGIN = 0.05
+MARGIN = 0.05
 # Padding grows by this factor times what it lacks, because the new path meets another current.
 _OVERSHOOT = 1.3
 # Factor on the distance by which a perturbed current may carry a turn away: on the way the turn
@@ -76,13 +78,22 @@ _OVERSHOOT = 1.3
 _ELSEWHERE = 2.0
 # Distance between stations, as a share of v/ω.
 _SPACING = 0.6
+# Distance of a turn from an edge, in v/ω, beyond which it is not measured to fit padding.
+_ENOUGH = 1.0
+# How far off an edge's padding a station tells what padding the edge needs, as a share of v/ω.
+_BESIDE = 0.5
 # Largest number of stations.
 _MAX_STATIONS = 1_000_000
 # Number of headings of a turn, one every 15 degrees: chords leave its arc by under 1 % of v/ω.
-_STEPS = 24
+STEPS = 24
 # Deviations in which turns are simulated: the field itself, and the corners of the box from which
 # contingency draws: a turn reaches furthest where the field deviates most.
-_CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
+CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
+# The field, and deviations all round that box. In a current whose direction varies much, a turn may
+# reach furthest between two corners.
+AROUND = np.array(
+    [[0, 0], [2, -2], [2, -1], [2, 0], [2, 1], [2, 2], [-2, 2], [-2, 0], [-2, -2]], dtype=float
+)[None] * (MAX_DEVIATIONS / 2)
 # Margin (share of v/ω) added to what padding lacks, because the new path has other headings.
 _HEADING_MARGIN = 0.05
 # Largest number of turns that are held in memory at a time: 32 MB.
@@ -103,41 +114,51 @@ def colliding_edges(
     around a start or goal that itself lies in V are left out: no padding there could help. Turns
     are simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
     """
-    voyage = voyages[0]
-    vessel = voyage.vessel
-    if speeds is None:
-        speeds = np.full(len(path) - 1, vessel.speed)
     if not len(padded.edge):
         return None
-    fields = [_flown_in(one) for one in voyages]
-    margin = _MARGIN * vessel.turning_radius
-    spacing = _spacing(path, vessel)
-    points, course, times = passed_stations(path, spacing, voyage)
-    # Only turns within reach of land can touch it: most of a long way needs no simulation.
-    furthest = reach(points)
-    most = margin + max(astray for _, astray in fields)
-    first, near = segments_near(points, furthest + most, padded.start, padded.end)
-    close = np.flatnonzero(np.diff(first))
-    close = close[~in_soft_endpoints(points[close], voyage, padded)]
-    if not len(close):
+    stations_near = _Near.along(path, voyages, padded, reach, speeds)
+    chart = voyages[0].chart
+    if not len(stations_near.close):
         return None
-    speed = speeds_along(points, path, speeds)
-    stations_near = _Near(points, course, speed, furthest, first, near, padded, vessel)
-    found = []
-    for one, (field, astray) in zip(voyages, fields, strict=True):
-        is_alike = one is voyage or one.current.is_steady
-        own = times if is_alike else passed_stations(path, spacing, one)[2]
-        found.append(stations_near.touched(close, field, own, margin + astray, voyage.chart))
+    found = [stations_near.touched(flown, chart) for flown in stations_near.flown]
     if not (short := [one for one in found if one]):
         return None
     edges, lacking = (np.concatenate(parts) for parts in zip(*short, strict=True))
     return edges, lacking
 
 
+def needed_padding(
+    path: FloatArray, voyages: Sequence[Voyage], padded: PaddedEdges, reach: TurnReach
+) -> tuple[FloatArray, bool]:
+    """Return the padding (e,), m, that turns along a path need of edges, and whether all are clear.
+
+    From each station, an edge needs as much padding as the station is away from it, less the room
+    that the station's turns leave; -inf where the path keeps well off the edge's padding. See
+    :func:`colliding_edges` for the arguments.
+    """
+    stations_near = _Near.along(path, voyages, padded, reach)
+    needed, is_clear = np.full(len(padded.edge), -np.inf), True
+    if len(stations_near.close):
+        for flown in stations_near.flown:
+            edge, padding, room = stations_near.needs(flown, voyages[0].chart)
+            np.maximum.at(needed, edge, padding)
+            is_clear = is_clear and bool((room >= 0).all())
+    return needed, is_clear
+
+
+class _Flown(NamedTuple):
+    """The current in which turns are flown, when they begin (n,), s, and the room they need (m)."""
+
+    field: CurrentField
+    times: FloatArray
+    margin: float
+
+
 class _Near(NamedTuple):
     """Stations (n, 2) with the padded edges near them, and a bound on their turns' reach (n,), m.
 
-    The edges of station i are `near[first[i]:first[i + 1]]`.
+    The edges of station i are `near[first[i]:first[i + 1]]`. Turns are flown from the stations
+    `close` to edges.
     """
 
     points: FloatArray
@@ -146,23 +167,78 @@ class _Near(NamedTuple):
     furthest: FloatArray
     first: IntArray
     near: IntArray
+    close: IntArray
     padded: PaddedEdges
     vessel: Vessel
+    flown: tuple[_Flown, ...]
 
-    def touched(
-        self, close: IntArray, field: CurrentField, times: FloatArray, margin: float, chart: Chart
-    ) -> tuple[IntArray, FloatArray] | None:
-        """Return edges that turns from some stations touch in a field, and what they lack (m)."""
+    @classmethod
+    def along(
+        cls,
+        path: FloatArray,
+        voyages: Sequence[Voyage],
+        padded: PaddedEdges,
+        reach: TurnReach,
+        speeds: FloatArray | None = None,
+    ) -> "_Near":
+        """Return the stations of a path."""
+        voyage = voyages[0]
+        vessel = voyage.vessel
+        if speeds is None:
+            speeds = np.full(len(path) - 1, vessel.speed)
+        margin = MARGIN * vessel.turning_radius
+        spacing = _spacing(path, vessel)
+        points, course, times = passed_stations(path, spacing, voyage)
+        flown = []
+        for one in voyages:
+            field, astray = _flown_in(one)
+            is_alike = one is voyage or one.current.is_steady
+            own = times if is_alike else passed_stations(path, spacing, one)[2]
+            flown.append(_Flown(field, own, margin + astray))
+        # Only turns within reach of land can touch it: most of a long way needs no simulation.
+        furthest = reach(points)
+        most = max(one.margin for one in flown)
+        first, near = segments_near(points, furthest + most, padded.start, padded.end)
+        close = np.flatnonzero(np.diff(first))
+        close = close[~in_soft_endpoints(points[close], voyage, padded)]
+        speed = speeds_along(points, path, speeds)
+        edges = padded, vessel
+        return cls(points, course, speed, furthest, first, near, close, *edges, tuple(flown))
+
+    def needs(self, flown: _Flown, chart: Chart) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Return edges near the path, the padding (p,) that they need, and their room (p,), m."""
+        field, times, margin = flown
+        turns, bounds, near = self._turns(self.close, field, times, AROUND)
+        start, end, padding = self.padded.start, self.padded.end, self.padded.padding
+        most = _ENOUGH * self.vessel.turning_radius
+        room = track_distances(turns, bounds, near, start, end, most)
+        between = track_distances(_between(turns), bounds, near, start, end, most)
+        room = np.minimum(room, between)
+        row = np.repeat(np.arange(len(self.close)), np.diff(bounds))
+        if len(crossing := np.unique(row[room < 0])):
+            deep = np.zeros(len(self.close))
+            tracks = turns[crossing].reshape(-1, *turns.shape[2:])
+            deep[crossing] = _depths(tracks, chart).reshape(len(crossing), -1).max(axis=1)
+            room = np.where(room < 0, -deep[row], room)
+        room -= margin
+        apart = segment_distance(self.points[self.close][row], start[near], end[near])
+        beside = _BESIDE * self.vessel.turning_radius
+        is_met = (apart <= padding[near] + beside) | (room < 0)
+        return near[is_met], (apart - room)[is_met], room[is_met]
+
+    def touched(self, flown: _Flown, chart: Chart) -> tuple[IntArray, FloatArray] | None:
+        """Return edges that turns from close stations touch in a field, and what they lack (m)."""
+        close, (field, times, margin) = self.close, flown
         # Perturbed turns are left out where the unperturbed one stays so far off that none can
         # touch land.
         drift = (self.furthest[close] - 2 * self.vessel.turning_radius) / 2
         off = _max_offset(self.points[close], field, self.vessel, drift, times[close])
-        turns, track, _ = self._touching(close, field, times, margin + off, _CORNERS[:, :1])
+        turns, track, _ = self._touching(close, field, times, margin + off, CORNERS[:, :1])
         close = close[np.unique(track // turns.shape[1])]
         if not len(close):
             return None
         radius = np.full(len(close), margin)
-        turns, track, edge = self._touching(close, field, times, radius, _CORNERS)
+        turns, track, edge = self._touching(close, field, times, radius, CORNERS)
         if not len(track):
             return None
         tracks = turns.reshape(-1, *turns.shape[2:])
@@ -178,16 +254,23 @@ class _Near(NamedTuple):
         deviations: FloatArray,
     ) -> _Touching:
         """Return turns from chosen stations, and which of them touch which edge."""
+        turns, bounds, edges = self._turns(chosen, field, times, deviations)
+        start, end = self.padded.start, self.padded.end
+        return turns, *tracks_touch(turns, bounds, edges, start, end, radius)
+
+    def _turns(
+        self, chosen: IntArray, field: CurrentField, times: FloatArray, deviations: FloatArray
+    ) -> tuple[FloatArray, IntArray, IntArray]:
+        """Return turns from chosen stations, and the edges near each, as `first` and `near`."""
         columns = self.points, self.course, times, self.speed
         begun = TurnsBegun(*(column[chosen] for column in columns))
-        turns = fly_turns(begun, field, self.vessel, deviations, _STEPS)
+        turns = fly_turns(begun, field, self.vessel, deviations, STEPS)
         counts = np.diff(self.first)[chosen]
         bounds = np.concatenate([[0], np.cumsum(counts)])
         edges = self.near[
             np.repeat(self.first[chosen] - bounds[:-1], counts) + np.arange(bounds[-1])
         ]
-        start, end = self.padded.start, self.padded.end
-        return turns, *tracks_touch(turns, bounds, edges, start, end, radius)
+        return turns, bounds, edges
 
 
 def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
@@ -198,7 +281,7 @@ def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
     """
     table, vessel = voyage.table, voyage.vessel
     astray = _ELSEWHERE * table.error * vessel.turn_period
-    if table.is_fine or astray > _MARGIN / 2 * vessel.turning_radius:
+    if table.is_fine or astray > MARGIN / 2 * vessel.turning_radius:
         return voyage.waters.quick_current, 0.0
     return TabulatedCurrent(table), astray
 
@@ -225,11 +308,22 @@ def passed_stations(
     return np.repeat(points, 3, axis=0), np.repeat(course, 3), begin.ravel()
 
 
+def _between(turns: FloatArray) -> FloatArray:
+    """Return lines (n, 2 steps, 9, 2) around the vessels of `AROUND`, at each step of a turn.
+
+    Land between the tracks (n, turns, steps, 2) of two draws is met by a turn between them.
+    """
+    around = turns.reshape(len(turns), -1, 2, *turns.shape[2:])[:, 1:]
+    rings = np.concatenate([around, around[:, :1]], axis=1)
+    rings = rings.transpose(0, 2, 3, 1, 4)
+    return np.ascontiguousarray(rings.reshape(len(turns), -1, *rings.shape[3:]))
+
+
 def _max_offset(
     points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray, times: FloatArray
 ) -> FloatArray:
     """Return how far (n,), m, perturbations can carry a turn that drifts by `drift` (n,), m."""
-    speed_change, direction_change = perturbations(points, field, vessel, _CORNERS[:, 1:2], times)
+    speed_change, direction_change = perturbations(points, field, vessel, CORNERS[:, 1:2], times)
     return _ELSEWHERE * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
 
 

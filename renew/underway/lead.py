@@ -20,6 +20,7 @@ from renew.classes.dual_graph import Channel, RoughPath, visits
 from renew.classes.h_signature import Word, name
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import wrapped
+from renew.kernels.turn_tracks import TurnsBegun
 from renew.planner.classes import ClassSearch, no_class_error
 from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn, fuel_estimate
 from renew.planner.plan import meetings, plan_request, planner_of
@@ -27,7 +28,7 @@ from renew.planner.problem import Problem, check_current_at_endpoints
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
 from renew.steering.trajectory import steer
-from renew.turns.contingency import TurnsBegun, crab_heading, fly_turns
+from renew.turns.contingency import crab_heading, fly_turns
 from renew.voyage.voyage import Voyage, shares
 
 # A vessel no farther off its path than this share of v/ω counts as on it.

@@ -10,7 +10,8 @@ from hypothesis import given, settings, strategies as st
 
 from renew._types import FloatArray
 from renew.inputs.current import CurrentStatistics, TabulatedCurrent
-from renew.turns.contingency import TurnsBegun, fly_turns
+from renew.kernels.turn_tracks import TurnsBegun
+from renew.turns.contingency import fly_turns
 from renew.turns.turn_reach import (
     HEADING_SPREAD,
     MAX_DEVIATIONS,

@@ -1,0 +1,187 @@
+"""Fit the padding beside a path to the path's own hard-over turns.
+
+The padding of a channel (paper) is one number for each edge: for the mean and spread of the current
+in whole triangles, and for headings between midpoints of edges. Where a path is known, the turns of
+its own legs tell how far it must stay off each piece of an edge. So edges are cut into pieces, and
+each piece near the path gets the padding that the turns from the nearest stations need: more where
+a turn touches land, less where all have room. The path is then refined, and the cheapest path whose
+turns are all clear is kept. Turns alone judge it: in the field, and at the corners of its spread.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from renew._types import FloatArray
+from renew.classes.dual_graph import Channel
+from renew.errors import InfeasibleError
+from renew.inputs.options import PlanOptions
+from renew.paths.corridor import Corridor
+from renew.paths.least_fuel_path import length_of, refined_path
+from renew.planner.free_ways import FreeWays
+from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.steering.trajectory import course_changes
+from renew.turns.padding_model import PaddedEdges
+from renew.turns.verification import needed_padding
+from renew.voyage.voyage import Voyage
+
+# Length of the pieces into which edges are cut, in v/ω.
+_PIECE = 1.0
+# Largest number of rounds in which padding is fitted.
+_ROUNDS = 6
+# Share of the fuel below which a round's saving is not worth another round.
+_WORTHWHILE = 5e-4
+# Least share of the step towards the needed padding.
+_LEAST_STEP = 0.2
+# Share of the distance of an edge from a path that its padding takes at most.
+_OFF = 0.95
+# Margins of free turns with which a path is refined, in v/ω, until it is clear.
+_MARGINS = (0.07, 0.12, 0.2)
+# Number of rows of padding that an edge may have.
+_ROWS = 2**20
+
+
+def fitted(planner: ClassPlanner, found: ClassPath) -> ClassPath:
+    """Return a path of the same class that needs no more fuel, close to a path that is clear."""
+    corridor = in_pieces(found.corridor)
+    least = [_least(edges, planner.options) for edges in corridor.paddings]
+    # An end lies in V where padding is too wide for it. Once its turns are clear, it need not.
+    freed = corridor.with_padding(
+        [
+            _off(edges, shapely.MultiPoint([corridor.voyage.start, corridor.voyage.goal]), floor)
+            for edges, floor in zip(corridor.paddings, least, strict=True)
+        ]
+    )
+    if _needs(planner, freed, found.path)[1]:
+        corridor = freed
+    return _fit(planner, corridor, found)
+
+
+def fitted_along(planner: ClassPlanner, channel: Channel, ways: FreeWays) -> ClassPath:
+    """Return the path of a channel near the path that found it, whatever the channel's padding.
+
+    Raises InfeasibleError if turns on it touch land.
+    """
+    voyage = planner.problem.voyage
+    path = channel.rough_path(voyage.start, voyage.goal)
+    corridor = in_pieces(planner.corridor(channel))
+    least = [_least(edges, planner.options) for edges in corridor.paddings]
+    for margin in _MARGINS:
+        refined = ways.refined(path, margin)
+        if refined is None:
+            break
+        path, line = refined, shapely.LineString(refined)
+        both = zip(corridor.paddings, least, strict=True)
+        beside = corridor.with_padding([_off(edges, line, floor) for edges, floor in both])
+        found = planner.near(beside, path)
+        if _needs(planner, beside, found.path)[1]:
+            return fitted(planner, found)
+    raise InfeasibleError("turns on its path touch land, whatever its padding")
+
+
+def _off(edges: PaddedEdges, place: shapely.Geometry, least: FloatArray) -> PaddedEdges:
+    """Return edges with padding that stays off a place, unless a least one (e,), m, reaches it."""
+    pieces = shapely.linestrings(np.stack([edges.start, edges.end], axis=1))
+    return _padded(edges, np.minimum(edges.turns, _OFF * shapely.distance(pieces, place)), least)
+
+
+def _fit(planner: ClassPlanner, corridor: Corridor, best: ClassPath) -> ClassPath:
+    """Fit the padding of pieces to turns near a path that is clear; return the cheapest such."""
+    step, voyage = 1.0, corridor.voyage
+    least = [_held(edges, _least(edges, planner.options), voyage) for edges in corridor.paddings]
+    path = best.path
+    needed, _ = _needs(planner, corridor, path)
+    if _most_saved(path, corridor, needed) < _WORTHWHILE:
+        return best
+    for _ in range(_ROUNDS):
+        of_parts = zip(corridor.paddings, needed, least, strict=True)
+        toward = corridor.with_padding([_toward(*of_part, step) for of_part in of_parts])
+        try:
+            near = planner.near(toward, refined_path(toward, path))
+        except InfeasibleError:
+            step /= 2
+            if step < _LEAST_STEP:
+                break
+            continue
+        corridor, path = toward, near.path
+        needed, is_clear = _needs(planner, corridor, path)
+        if not is_clear:
+            continue
+        saved = 1 - near.fuel / best.fuel
+        if saved > 0:
+            best = near
+        else:
+            step /= 2
+        if 0 < saved < _WORTHWHILE or step < _LEAST_STEP:
+            break
+    return best
+
+
+def in_pieces(corridor: Corridor) -> Corridor:
+    """Return the corridor with its padded edges in pieces, each with padding of its own."""
+    if corridor.is_fitted:
+        return corridor
+    longest = _PIECE * corridor.voyage.vessel.turning_radius
+    parts = [_numbered(edges.cut(longest)) for edges in corridor.paddings]
+    return replace(corridor.with_padding(parts), is_fitted=True)
+
+
+def _numbered(pieces: PaddedEdges) -> PaddedEdges:
+    """Return pieces of edges, each numbered as an edge of its own, alike on all parts of a way."""
+    order = np.argsort(pieces.edge, kind="stable")
+    first = np.flatnonzero(np.diff(pieces.edge[order], prepend=-1))
+    count = np.diff(np.append(first, len(order)))
+    of_edge = np.empty(len(order), dtype=np.int64)
+    of_edge[order] = np.arange(len(order)) - np.repeat(first, count)
+    return replace(pieces, edge=pieces.edge * _ROWS + of_edge)
+
+
+def _least(edges: PaddedEdges, options: PlanOptions) -> FloatArray:
+    """Return the least padding (e,), m, of edges: that of the clearance."""
+    by_turns = edges.turns.clip(max=options.clearance)
+    return np.where(edges.padding > edges.turns, edges.padding, by_turns)
+
+
+def _held(edges: PaddedEdges, least: FloatArray, voyage: Voyage) -> FloatArray:
+    """Return the least padding (e,), m, of edges, which is all of it around an end in V."""
+    ends = shapely.MultiPoint([voyage.start, voyage.goal])
+    pieces = shapely.linestrings(np.stack([edges.start, edges.end], axis=1))
+    return np.where(shapely.distance(pieces, ends) < edges.padding, edges.padding, least)
+
+
+def _most_saved(path: FloatArray, corridor: Corridor, needed: Sequence[FloatArray]) -> float:
+    """Return roughly the largest share of a path's fuel (n, 2) that narrower padding may save.
+
+    An arc around a capsule gets shorter by its angle times what the radius loses.
+    """
+    both = zip(corridor.paddings, needed, strict=True)
+    narrower = max(
+        (edges.padding - need).max(initial=0.0, where=np.isfinite(need)) for edges, need in both
+    )
+    return float(np.abs(course_changes(path)[0]).sum() * narrower / length_of(path))
+
+
+def _needs(
+    planner: ClassPlanner, corridor: Corridor, path: FloatArray
+) -> tuple[list[FloatArray], bool]:
+    """Return the padding that turns along a path need on each part, and whether all are clear."""
+    every = zip(*(one.parts(path) for one in corridor.voyage.in_members), strict=True)
+    needed = [
+        needed_padding(piece, [own for own, _ in voyages], part.padded, planner.problem.reach)
+        for (part, piece), voyages in zip(corridor.parts(path), every, strict=True)
+    ]
+    return [padding for padding, _ in needed], all(is_clear for _, is_clear in needed)
+
+
+def _toward(edges: PaddedEdges, needed: FloatArray, least: FloatArray, step: float) -> PaddedEdges:
+    """Return edges with their padding nearer by a step to what is needed, where this is known."""
+    known = np.isfinite(needed)
+    lacking = np.where(known, needed, edges.padding) - edges.padding
+    return _padded(edges, edges.padding + step * lacking, least)
+
+
+def _padded(edges: PaddedEdges, turns: FloatArray, least: FloatArray) -> PaddedEdges:
+    """Return edges with other padding for turns, and no less than a least one, (e,) metres each."""
+    return replace(edges, padding=np.maximum(turns, least).clip(min=0.0), turns=turns)
