@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from shapely import Polygon, box
 
-from renew.errors import UnreachableError
+from renew.errors import InfeasibleError, UnreachableError
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import (
     CurrentLike,
@@ -22,7 +22,10 @@ from renew.inputs.current import (
     SwingingGyre,
     UniformCurrent,
     VaryingCurrent,
+    as_field,
 )
+from renew.planner.fit import fitted_along
+from renew.planner.free_ways import FreeWays
 from renew.planner.plan import planner_of
 from renew.request import Request
 from renew.turns.contingency import contingency, tightest
@@ -94,9 +97,20 @@ def rehearse() -> Iterator[str]:
             tightest(route, current, _VESSEL)
             fuel(route.path, current, _VESSEL)
             _ = (route.channel, route.soft_no_go)
+            if not options:
+                _sail_freely(chart, current)
             # The bound takes longest, and its kernels depend on these two options only.
             if not options or options.keys() & {"drift", "speed"}:
                 _ = route.optimality_gap
+
+
+def _sail_freely(chart: Chart, current: CurrentLike) -> None:
+    """Plan ways of free turns, which a search takes only where padding costs much."""
+    planner = planner_of(Request(chart, as_field(current), _VESSEL, np.array((_START, _GOAL))))
+    ways = FreeWays(planner.problem)
+    for channel in ways.channels(1, math.inf):
+        with contextlib.suppress(InfeasibleError):
+            fitted_along(planner, channel, ways)
 
 
 def rehearse_half(half: int) -> None:

@@ -344,7 +344,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "least-water": _least_water,
     "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
     "route {rank} met {no_go}, the first one from {place}; it was planned with padding = "
-    '{padding!r}, and only "adaptive" is verified',
+    '{padding!r}, and only "adaptive" and "triangle" are verified',
     "place-shut": lambda place, begin, until: f"at {place.text}{_from_until(begin, until, ' on')}",
     "routes-shut-for-hours": "the current shuts water for a while on the way of "
     "{ways:; /3/, and of # more}. The routes are the best without waiting",

@@ -224,13 +224,15 @@ class PlannerOptions(StrictModel):
     """Number of homotopy classes (ways round the islands) to find a route for; 'order' says which
     ones. Give a whole number from 1 to 10,000, such as 16."""
     risk: strict.Number = Field(default=0.05, ge=1e-9, lt=1)
-    """Share of drawn hard-over turns that may reach beyond the adaptive padding: a smaller share
-    keeps routes further off land. Give a share between 0 and 1, such as 0.05."""
-    padding: Literal["adaptive", "none"] | strict.NonNegative = Field(
+    """Share of drawn hard-over turns that may reach beyond the padding of a triangle: a smaller
+    share keeps routes further off land. Padding that is fitted to a route's turns begins with it.
+    Give a share between 0 and 1, such as 0.05."""
+    padding: Literal["adaptive", "triangle", "none"] | strict.NonNegative = Field(
         default="adaptive", json_schema_extra=strict.unit("planar m")
     )
-    """Room for hard-over turns around land: adaptive to the current, none, or the same number of
-    planar metres everywhere. Give 'adaptive', 'none' or metres."""
+    """Room for hard-over turns around land: adapted to the current and fitted to each route's own
+    turns, only adapted triangle by triangle (as published), none, or the same number of planar
+    metres everywhere. Give 'adaptive', 'triangle', 'none' or metres."""
     clearance: strict.NonNegative | None = Field(
         default=None, examples=[500], json_schema_extra=strict.unit("planar m")
     )

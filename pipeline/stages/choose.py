@@ -291,7 +291,7 @@ def room_notes(
         Note.of("room-kept", turns_m=scale * most, offing_m=scale * offing).about(result.name)
         for result in results
         for most in [float(one.turn_padding.max(initial=0.0)) for one in result.routes[:1]]
-        if offing and options.padding == "adaptive"
+        if offing and options.padding in ("adaptive", "triangle")
     )
 
 

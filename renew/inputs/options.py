@@ -11,7 +11,7 @@ from renew.errors import ParameterError, as_floats, check_kind, is_finite, is_nu
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.openings import ShutArea, TidalDepth
 
-Padding: TypeAlias = Literal["adaptive", "none"] | float
+Padding: TypeAlias = Literal["adaptive", "triangle", "none"] | float
 DistinctBy: TypeAlias = Literal["auto"] | float
 Method: TypeAlias = Literal["optimal", "sampled"]
 Drift: TypeAlias = Literal["projected", "crab"]
@@ -33,10 +33,14 @@ class PlanOptions:
     classes : int
         Number of homotopy classes to give a route for, k >= 1; fewer where fewer can be sailed.
     risk : float
-        1 - σ in (0, 1): the share of drawn turns that may reach beyond the padding. At least 1e-9,
-        six standard deviations: below that no padding can be computed.
-    padding : "adaptive", "none" or float
-        Adaptive padding (paper), none, or the same width (m) on every constrained edge.
+        1 - σ in (0, 1): the share of drawn turns that may reach beyond the padding of a triangle.
+        At least 1e-9, six standard deviations: below that no padding can be computed. Padding that
+        is fitted to a route's turns begins with it; then all deviations of the current up to two
+        standard deviations must leave the turns clear of land.
+    padding : "adaptive", "triangle", "none" or float
+        Padding adapted to the current, the direction and the vessel: for each triangle that the way
+        crosses (paper, ``"triangle"``), and then fitted to the turns of its own legs
+        (``"adaptive"``); or none, or the same width (m) on every constrained edge.
     clearance : float
         Floor on the padding (m).
     narrow_share : float
@@ -103,7 +107,7 @@ class PlanOptions:
     @property
     def is_adaptive(self) -> bool:
         """Whether padding follows current, direction and vessel."""
-        return self.padding == "adaptive"
+        return is_one_of(self.padding, ("adaptive", "triangle"))
 
     @property
     def fixed_width(self) -> float:
@@ -128,7 +132,11 @@ class PlanOptions:
             for fault in count_faults(name, getattr(self, name))
         ]
         for name, words, metres in (
-            ("padding", ("adaptive", "none"), '"adaptive", "none" or finite metres of at least 0'),
+            (
+                "padding",
+                ("adaptive", "triangle", "none"),
+                '"adaptive", "triangle", "none" or finite metres of at least 0',
+            ),
             ("distinct_by", ("auto",), '"auto" or finite metres of at least 0'),
         ):
             value = getattr(self, name)
@@ -147,7 +155,7 @@ class PlanOptions:
         if not (is_number(self.gap_to) and 0 <= self.gap_to < RANGES["gap_to"]["lt"]):
             faults.append(f"gap_to = {shown(self.gap_to)} must be 0 or more, below 1, as in 0.02")
         faults += [fault for name in _CHOICES for fault in choice_faults(name, getattr(self, name))]
-        if is_one_of(self.risk_at, ("point",)) and not is_one_of(self.padding, ("adaptive",)):
+        if is_one_of(self.risk_at, ("point",)) and not self.is_adaptive:
             faults.append(
                 f'risk_at = "point" needs padding = "adaptive", not {shown(self.padding)}'
             )

@@ -96,7 +96,8 @@ class ClassSearch:
         self._too_dear: dict[Word, float] = {}
         self._slipped: dict[Word, ClassPath] = {}
         self._done: set[Word] = set()
-        self._fitted: set[Word] = set()
+        self._fitted: set[Word] = set(self.found)
+        self._has_looked_for_free_ways = False
 
     @property
     def all_found(self) -> Mapping[Word, ClassPath]:
@@ -190,31 +191,42 @@ class ClassSearch:
         return Plan(routes, rejected, chosen_class(routes) if routes else 0, water)
 
     def fit(self, classes: int) -> None:
-        """Fit the padding of the best paths to their turns, and open classes that padding shuts.
+        """Fit the padding of the best paths to their turns, and look for ways that padding shuts.
 
-        Only classes are opened that may be among the best.
+        Classes that were known before the search, and those that need much more fuel, are left.
         """
-        planner = self._planner
-        if not planner.fits_padding:
+        if not self._planner.fits_padding:
             return
         best = sorted(self.all_found, key=lambda word: self.found[word].fuel)
         for word in best[:classes]:
-            if self.found[word].fuel > _CLOSE * self.found[best[0]].fuel:
+            known = self.found[word]
+            if known.fuel > _CLOSE * self.found[best[0]].fuel:
                 break
             if word not in self._fitted:
                 self._fitted.add(word)
-                self.found[word] = fitted(planner, self.found[word])
-        problem = planner.problem
+                self._keep(word, fitted(self._planner, known))
+        if self._planner.options.order == "fuel" and not self._has_looked_for_free_ways:
+            self._has_looked_for_free_ways = True
+            self._find_free_ways(min(classes, _FREE_WAYS))
+
+    def _find_free_ways(self, count: int) -> None:
+        """Plan ways along which turns are free, if padding costs much or shuts all ways."""
+        planner, problem = self._planner, self._planner.problem
         least = min((one.fuel for one in self.found.values()), default=math.inf)
         bound = problem.voyage.vessel.fuel_rate * problem.scout(problem.likely_width).least_time
         if least <= _PADDED_OFF * bound or not has_fine_roadmap(problem):
             return
-        most = _WORTH_A_SEARCH * least
         ways = FreeWays(problem)
-        for channel in ways.channels(min(classes, _FREE_WAYS), most):
+        for channel in ways.channels(count, _WORTH_A_SEARCH * least):
             with contextlib.suppress(InfeasibleError):
                 found = fitted_along(planner, channel, ways)
-                _keep_best(self.found, problem.word(found.path), found)
+                self._keep(problem.word(found.path), found)
+
+    def _keep(self, word: Word, found: ClassPath) -> None:
+        """Keep a path of a class if it is the best so far."""
+        if word not in self.found or found.fuel < self.found[word].fuel:
+            self.found[word] = found
+            tell(Step("path", found.path))
 
     def plan_in_rounds(
         self,

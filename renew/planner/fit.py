@@ -22,6 +22,7 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import length_of, refined_path
 from renew.planner.free_ways import FreeWays
 from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.steering.trajectory import course_changes
 from renew.turns.padding_model import PaddedEdges
 from renew.turns.verification import needed_padding
@@ -46,13 +47,10 @@ _ROWS = 2**20
 def fitted(planner: ClassPlanner, found: ClassPath) -> ClassPath:
     """Return a path of the same class that needs no more fuel, close to a path that is clear."""
     corridor = in_pieces(found.corridor)
-    least = [_least(edges, planner.options) for edges in corridor.paddings]
     # An end lies in V where padding is too wide for it. Once its turns are clear, it need not.
+    ends = shapely.MultiPoint([corridor.voyage.start, corridor.voyage.goal])
     freed = corridor.with_padding(
-        [
-            _off(edges, shapely.MultiPoint([corridor.voyage.start, corridor.voyage.goal]), floor)
-            for edges, floor in zip(corridor.paddings, least, strict=True)
-        ]
+        [_off(edges, ends, _least(edges, planner.options)) for edges in corridor.paddings]
     )
     if _needs(planner, freed, found.path)[1]:
         corridor = freed
@@ -67,18 +65,49 @@ def fitted_along(planner: ClassPlanner, channel: Channel, ways: FreeWays) -> Cla
     voyage = planner.problem.voyage
     path = channel.rough_path(voyage.start, voyage.goal)
     corridor = in_pieces(planner.corridor(channel))
-    least = [_least(edges, planner.options) for edges in corridor.paddings]
     for margin in _MARGINS:
         refined = ways.refined(path, margin)
         if refined is None:
             break
-        path, line = refined, shapely.LineString(refined)
-        both = zip(corridor.paddings, least, strict=True)
-        beside = corridor.with_padding([_off(edges, line, floor) for edges, floor in both])
+        path = refined
+        beside = _beside(corridor, path, planner.options)
         found = planner.near(beside, path)
         if _needs(planner, beside, found.path)[1]:
             return fitted(planner, found)
     raise InfeasibleError("turns on its path touch land, whatever its padding")
+
+
+def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> ClassPath | None:
+    """Return a path (n, 2) of a channel sailed at the planner's departure; None if it is unsafe."""
+    corridor = planner.corridor(channel)
+    if planner.fits_padding:
+        pieces = in_pieces(corridor)
+        corridor = _beside(pieces, path, planner.options)
+    else:
+        corridor = planner.growth.fitted(corridor, path)
+    try:
+        trajectory = steer_as_drawn(path, corridor)
+        planner.check_current(trajectory)
+    except InfeasibleError:
+        return None
+    if planner.fits_padding:
+        is_clear = _needs(planner, corridor, path)[1]
+    else:
+        is_clear = planner.growth.shortfall(corridor, path) is None
+    if not is_clear:
+        return None
+    fuel = planner.problem.voyage.fuel(path)
+    return ClassPath(corridor, path, trajectory, fuel, fuel)
+
+
+def _beside(corridor: Corridor, path: FloatArray, options: PlanOptions) -> Corridor:
+    """Return a corridor in pieces whose padding stays off a path (n, 2), but for the clearance."""
+    return corridor.with_padding(
+        [
+            _off(part.padded, shapely.LineString(piece), _least(part.padded, options))
+            for part, piece in corridor.parts(path)
+        ]
+    )
 
 
 def _off(edges: PaddedEdges, place: shapely.Geometry, least: FloatArray) -> PaddedEdges:

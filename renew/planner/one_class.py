@@ -377,20 +377,6 @@ def grown_until_clear(
     )
 
 
-def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> ClassPath | None:
-    """Return a path (n, 2) of a channel sailed at the planner's departure; None if it is unsafe."""
-    corridor = planner.growth.fitted(planner.corridor(channel), path)
-    try:
-        trajectory = steer_as_drawn(path, corridor)
-        planner.check_current(trajectory)
-    except InfeasibleError:
-        return None
-    if planner.growth.shortfall(corridor, path) is not None:
-        return None
-    fuel = planner.problem.voyage.fuel(path)
-    return ClassPath(corridor, path, trajectory, fuel, fuel)
-
-
 def fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
     """Return the fuel of a channel's path with minimal padding, before it is steered.
 

@@ -330,8 +330,8 @@ class Tightest(NamedTuple):
     turns : the padding that hard-over turns need there (m); `padding` is wider by a clearance.
     gap : from the point to the edge (m).
     reaches : (n,) m, how far hard-over turns from there reach towards the edge, the worse of both
-        sides, at the speed sailed there, in draws of the current in the triangle and of headings
-        about this one.
+        sides, at the speed sailed there, in draws of the current around the place, within a turning
+        circle's diameter, and of headings about this one.
     """
 
     point: FloatArray
@@ -388,11 +388,11 @@ def tightest(
     leg = min(int(np.searchsorted(passed, along)), len(passed) - 1)
     east, north = route.path[leg + 1] - route.path[leg]
     course = np.arctan2(north, east)
-    triangles = shapely.polygons(route.corners)
-    inside = int(shapely.distance(triangles, shapely.Point(point)).argmin())
+    angle = course + 2 * np.pi * np.arange(3) / 3
+    around = point + 2 * vessel.turning_radius * np.column_stack([np.cos(angle), np.sin(angle)])
     when = np.interp(along, np.concatenate([[0.0], passed]), route.times)
     asked = TurnsAtEdges(
-        field.statistics(route.corners[[inside]], np.array([[when, when + vessel.turn_period]])),
+        field.statistics(around[None], np.array([[when, when + vessel.turn_period]])),
         np.array([course]),
         np.zeros(1, dtype=np.int64),
         normals_away(edges[[nearest]], point[None]),

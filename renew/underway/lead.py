@@ -22,7 +22,8 @@ from renew.errors import InfeasibleError
 from renew.kernels.capsules import wrapped
 from renew.kernels.turn_tracks import TurnsBegun
 from renew.planner.classes import ClassSearch, no_class_error
-from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn, fuel_estimate
+from renew.planner.fit import as_drawn
+from renew.planner.one_class import ClassPath, ClassPlanner, fuel_estimate
 from renew.planner.plan import meetings, plan_request, planner_of
 from renew.planner.problem import Problem, check_current_at_endpoints
 from renew.request import Request
@@ -430,6 +431,7 @@ def choose(
         routes, rejected = list(whole.routes), list(whole.rejected)
     else:
         search = _searched(planner, ahead, word, switch_above, is_proven, track)
+        search.fit(planner.options.classes)
         routes = [planner.route(path) for path in search.all_found.values()]
         rejected = [failed for key, failed in search.rejected.items() if key not in search.found]
     routes.sort(key=lambda route: route.fuel)

@@ -53,7 +53,8 @@ from renew.errors import (
 )
 from renew.inputs.openings import Opening
 from renew.planner.classes import ClassSearch, no_class_error
-from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn, fuel_estimate
+from renew.planner.fit import as_drawn
+from renew.planner.one_class import ClassPath, ClassPlanner, fuel_estimate
 from renew.planner.plan import meetings, planner_of, unavoidable, without_meeting
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request
@@ -170,6 +171,7 @@ def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
         return Sailing(voyage.departure, planner, None, error)
     search = ClassSearch(planner, fuel_estimate=lambda channel: fuel_estimate(unpadded, channel))
     search.find_best(options.classes)
+    search.fit(1)
     rejected = tuple(search.rejected.values())
     cause = None
     if rejected:

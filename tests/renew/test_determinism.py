@@ -100,13 +100,15 @@ def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
 
 def test_the_compiler_changes_nothing(root: Path) -> None:
     program = (
-        "from tests.renew.test_determinism import gyre; best = gyre(classes=1).best; "
+        "from tests.renew.test_determinism import gyre; "
+        'best = gyre(classes=1, padding="triangle").best; '
         "print(best.homotopy, best.fuel)"
     )
     done = ran(
         *PYTHON, program, cwd=root, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, timeout=300
     )
     name, fuel = done.split()
-    best = gyre(classes=1).best
+    # Fitting padding takes steps whose number a last digit may change.
+    best = gyre(classes=1, padding="triangle").best
     assert name == best.homotopy
     assert float(fuel) == pytest.approx(best.fuel, rel=1e-9)

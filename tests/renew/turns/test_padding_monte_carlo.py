@@ -93,7 +93,7 @@ def shares_beyond(
 
 def check_risk(scene: Scene[Any], risk: float, classes: int) -> None:
     _, current, start, goal = scene.parts
-    plan = scene.plan(classes=classes, risk=risk)
+    plan = scene.plan(classes=classes, risk=risk, padding="triangle")
     rng = np.random.default_rng(20_260_101)
     beyond = [
         share for route in plan.routes for share in shares_beyond(route, current, start, goal, rng)
