@@ -142,7 +142,7 @@ def _equal_padding(
     job: Job, plan: renew.Plan, voyage: Voyage, options: Mapping[str, object]
 ) -> FloatArray:
     """Padding (e, 5) that rivals have to keep beside a case's plan; else the best route's own."""
-    if job.planner != "RENEW" or job.options or options["padding"] != "adaptive":
+    if job.planner != "RENEW" or job.options or options["padding"] != "triangle":
         return plan.best.padding_used
     return equal_padding(plan, voyage, float(str(options["clearance"])))
 

@@ -73,7 +73,8 @@ class Environment:
         """Options of `renew.plan` for a case."""
         return {
             "classes": self.spec.classes,
-            "padding": case.padding,
+            # As published; the default is fitted to the turns of a route as well.
+            "padding": "triangle" if case.padding == "adaptive" else case.padding,
             "clearance": case.clearance,
             "distinct_by": self.result.scenario.planner.distinct_by,
         }

@@ -380,6 +380,58 @@ def time_from(graph: Roadmap, root: int, times: FloatArray) -> FloatArray:
 
 
 @kernel
+def nodes_of_rounded_path(
+    graph: Roadmap, time: FloatArray, to_go: FloatArray, turn_rate: float
+) -> IntArray:
+    """Return the nodes (n,) of the quickest path whose corners a vessel can round; empty if none.
+
+    Legs take `time` (m,), s, and `to_go` (n,), s, is the least time from each node. A corner can be
+    rounded if an arc at the speed over ground, of the quicker leg, ends within half of each leg.
+    """
+    arrival, before = np.full(len(time), np.inf), np.full(len(time), -1)
+    done = np.zeros(len(time), dtype=np.bool_)
+    tail = np.empty(len(time), dtype=np.int64)
+    for node in range(len(graph.points)):
+        tail[graph.first[node] : graph.first[node + 1]] = node
+    queue = [(0.0, 0)]
+    queue.clear()
+    for leg in range(graph.first[START], graph.first[START + 1]):
+        arrival[leg] = time[leg]
+        heapq.heappush(queue, (time[leg] + to_go[graph.head[leg]], leg))
+    while queue:
+        whole, leg = heapq.heappop(queue)
+        if whole == np.inf:
+            break
+        node = graph.head[leg]
+        if node == GOAL:
+            return up_to(np.column_stack((before, graph.head)), leg, 1, 0)
+        if done[leg]:
+            continue
+        done[leg] = True
+        for after in range(graph.first[node], graph.first[node + 1]):
+            now = arrival[leg] + time[after]
+            if now < arrival[after] and _can_round(graph, tail, time, leg, after, turn_rate):
+                arrival[after], before[after] = now, leg
+                heapq.heappush(queue, (now + to_go[graph.head[after]], after))
+    return np.empty(0, dtype=np.int64)
+
+
+@reading_kernel
+def _can_round(
+    graph: Roadmap, tail: IntArray, time: FloatArray, leg: int, after: int, turn_rate: float
+) -> bool:
+    """Whether a vessel can round the corner between a leg and the one after it."""
+    (ax, ay), (bx, by) = graph.points[tail[leg]], graph.points[graph.head[leg]]
+    cx, cy = graph.points[graph.head[after]]
+    ux, uy, vx, vy = bx - ax, by - ay, cx - bx, cy - by
+    one, other = math.hypot(ux, uy), math.hypot(vx, vy)
+    radius = max(one / time[leg], other / time[after]) / turn_rate
+    # The arc takes the radius times the tangent of half the angle of both legs.
+    sin, cos = abs(ux * vy - uy * vx), one * other + ux * vx + uy * vy
+    return bool(radius * sin <= cos * min(one, other) / 2)
+
+
+@kernel
 def _first_label(nodes: int) -> tuple[IntArray, FloatArray, IntArray]:
     """Return labels and their times, with the start's filled in, and each node's newest label."""
     labels, times = np.zeros((_FIRST_LABELS, 6), dtype=np.int64), np.zeros(_FIRST_LABELS)

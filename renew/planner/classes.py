@@ -20,7 +20,7 @@ from renew.classes.dual_graph import Channel, Transition, widest_gap
 from renew.classes.h_signature import Word, shortened
 from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
 from renew.planner.fit import fitted, fitted_along
-from renew.planner.free_ways import FreeWays, has_fine_roadmap
+from renew.planner.free_ways import CELLS, FreeWays, has_fine_roadmap
 from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
@@ -214,13 +214,19 @@ class ClassSearch:
         planner, problem = self._planner, self._planner.problem
         least = min((one.fuel for one in self.found.values()), default=math.inf)
         bound = problem.voyage.vessel.fuel_rate * problem.scout(problem.likely_width).least_time
-        if least <= _PADDED_OFF * bound or not has_fine_roadmap(problem):
+        if least <= _PADDED_OFF * bound:
             return
-        ways = FreeWays(problem)
-        for channel in ways.channels(count, _WORTH_A_SEARCH * least):
-            with contextlib.suppress(InfeasibleError):
-                found = fitted_along(planner, channel, ways)
-                self._keep(problem.word(found.path), found)
+        found = set[Word]()
+        for cell in CELLS:
+            if found or not has_fine_roadmap(problem, cell):
+                break
+            ways = FreeWays(problem, cell)
+            for path in ways.paths(count, _WORTH_A_SEARCH * least):
+                if problem.word(path) not in found:
+                    with contextlib.suppress(InfeasibleError):
+                        way = fitted_along(planner, path, ways)
+                        found.add(problem.word(way.path))
+                        self._keep(problem.word(way.path), way)
 
     def _keep(self, word: Word, found: ClassPath) -> None:
         """Keep a path of a class if it is the best so far."""

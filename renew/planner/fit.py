@@ -22,6 +22,7 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import length_of, refined_path
 from renew.planner.free_ways import FreeWays
 from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.planner.problem import channel_along
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.steering.trajectory import course_changes
 from renew.turns.padding_model import PaddedEdges
@@ -57,13 +58,14 @@ def fitted(planner: ClassPlanner, found: ClassPath) -> ClassPath:
     return _fit(planner, corridor, found)
 
 
-def fitted_along(planner: ClassPlanner, channel: Channel, ways: FreeWays) -> ClassPath:
-    """Return the path of a channel near the path that found it, whatever the channel's padding.
+def fitted_along(planner: ClassPlanner, path: FloatArray, ways: FreeWays) -> ClassPath:
+    """Return the best path near a path (n, 2) of free turns, whatever the padding beside it.
 
     Raises InfeasibleError if turns on it touch land.
     """
-    voyage = planner.problem.voyage
-    path = channel.rough_path(voyage.start, voyage.goal)
+    channel = channel_along(path, planner.problem)
+    if channel is None:
+        raise InfeasibleError("the way leads through the same triangle twice")
     corridor = in_pieces(planner.corridor(channel))
     for margin in _MARGINS:
         refined = ways.refined(path, margin)

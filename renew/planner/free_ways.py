@@ -15,35 +15,36 @@ import numpy as np
 import shapely
 
 from renew._types import BoolArray, FloatArray
-from renew.classes.dual_graph import Channel
-from renew.classes.k_best_paths import time_from
+from renew.classes.k_best_paths import nodes_of_rounded_path, time_from
 from renew.classes.roadmap import GOAL, START, Resolution
 from renew.planner.problem import Problem
 from renew.planner.turn_test import LazyLegs, TurnTest
 
-# Size of a cell, in v/ω, and to how many cells along either axis legs lead.
-_CELL = 0.8
+# Size of a cell, in v/ω: a finer roadmap is taken where no way is found on a coarse one.
+CELLS = 0.8, 0.5
+# To how many cells along either axis legs lead.
 _REACH = 4
 # Largest number of cells: a chart with sides of about a hundred v/ω.
 _MAX_CELLS = 20_000
 # Margin around land while ways are looked for, in v/ω: that of the verification.
 _MARGIN = 0.05
 # Ratios to the best time that is still possible up to which turns are flown, in the field and in
-# its deviations. Other classes are found up to the second.
-_AHEAD = 1.02, 1.01
+# its deviations; further if there is no path among those legs whose corners can be rounded.
+_AHEAD = ((1.02, 1.01), (1.05, 1.04), (1.2, 1.15))
 
 
-def has_fine_roadmap(problem: Problem) -> bool:
-    """Whether a problem's water can be covered with nodes closer than a turning circle."""
+def has_fine_roadmap(problem: Problem, cell: float) -> bool:
+    """Whether a problem's water can be covered with cells of a size (v/ω)."""
     voyage = problem.voyage
-    return voyage.current.is_steady and not len(voyage.via) and _cells(problem) <= _MAX_CELLS
+    is_small = _cells(problem, cell) <= _MAX_CELLS
+    return is_small and voyage.current.is_steady and not len(voyage.via)
 
 
-def _cells(problem: Problem) -> float:
-    """Return the number of cells that cover a problem's chart."""
+def _cells(problem: Problem, cell: float) -> float:
+    """Return the number of cells of a size (v/ω) that cover a problem's chart."""
     xmin, ymin, xmax, ymax = problem.voyage.chart.bounds
-    cell = _CELL * problem.voyage.vessel.turning_radius
-    return float((xmax - xmin) * (ymax - ymin) / cell**2)
+    side = cell * problem.voyage.vessel.turning_radius
+    return float((xmax - xmin) * (ymax - ymin) / side**2)
 
 
 class FreeWays:
@@ -52,9 +53,9 @@ class FreeWays:
     Of each leg (m,), it knows the node at its begin, and the leg that leads back.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, cell: float) -> None:
         scout = problem.scout(problem.options.min_width)
-        graph = scout.roadmap(Resolution(round(_cells(problem)), _REACH))
+        graph = scout.roadmap(Resolution(round(_cells(problem, cell)), _REACH))
         self._problem, self._graph = problem, graph
         self._enumerator = scout.by_rays(problem.rays)
         nodes = len(graph.points)
@@ -64,21 +65,38 @@ class FreeWays:
         self._back = order[np.searchsorted(number, back, sorter=order)]
         legs = graph.points[self._tail], graph.points[graph.head]
         test = TurnTest(problem, graph.mesh, _MARGIN)
-        self._legs = LazyLegs(test, legs, graph.time.copy(), _AHEAD, closely=False)
+        self._legs = LazyLegs(test, legs, graph.time.copy(), closely=False)
 
-    def channels(self, count: int, most: float) -> list[Channel]:
-        """Return up to `count` channels over free legs, each for a fuel below `most`."""
-        graph, latest = self._graph, most / self._problem.voyage.vessel.fuel_rate
+    def paths(self, count: int, most: float) -> list[FloatArray]:
+        """Return up to `count` paths (n, 2) over free legs, each for a fuel below `most`.
+
+        The first one's corners can be rounded, if there is such a path; each other is the best of
+        its class.
+        """
+        graph, turn_rate = self._graph, self._problem.voyage.vessel.turn_rate
+        latest, found = most / self._problem.voyage.vessel.fuel_rate, list[FloatArray]()
+        for ahead in _AHEAD:
+            to_go = self._fly(ahead, latest)
+            time = self._legs.flown_time
+            nodes = nodes_of_rounded_path(graph, time, to_go, turn_rate)
+            if len(nodes):
+                found.append(np.vstack([graph.points[START], graph.points[nodes]]))
+                break
+        # Legs that were not flown are taken as shut.
+        masked = graph._replace(time=time, back=time[self._back])
+        others = self._enumerator.channels_on(masked, count - len(found))
+        return [*found, *(one.found_by.points for one in others if one.found_by is not None)]
+
+    def _fly(self, ahead: tuple[float, float], latest: float) -> FloatArray:
+        """Fly turns on the legs of good paths, and return the least time (n,), s, to the goal."""
+        graph = self._graph
         while True:
             time = self._legs.time
             to_go = time_from(graph, GOAL, time[self._back])
-            if not to_go[START] < latest:
-                return []
             whole = time_from(graph, START, time)[self._tail] + time + to_go[graph.head]
-            if not self._legs.drop_shut(whole, float(to_go[START]), latest):
-                break
-        time = self._legs.flown_time
-        return self._enumerator.channels_on(graph._replace(time=time, back=time[self._back]), count)
+            best = float(to_go[START])
+            if not best < latest or not self._legs.drop_shut(whole, best, ahead, latest):
+                return np.asarray(to_go)
 
     def refined(self, path: FloatArray, margin: float) -> FloatArray | None:
         """Return a least-fuel path (n, 2) near a path of free legs, or None if there is none.
@@ -129,7 +147,7 @@ def _best_chain(rows: FloatArray, test: TurnTest, turn_rate: float) -> FloatArra
     time = test.times(begin, end)
     bends = _bends(begin, end, time, turn_rate)
     ends = begin.reshape(-1, 2), end.reshape(-1, 2)
-    legs = LazyLegs(test, ends, time.ravel(), _BARELY_AHEAD, closely=True)
+    legs = LazyLegs(test, ends, time.ravel(), closely=True)
     while True:
         time = legs.time.reshape(time.shape)
         so_far = _least_times(time, bends)
@@ -139,7 +157,7 @@ def _best_chain(rows: FloatArray, test: TurnTest, turn_rate: float) -> FloatArra
         whole = np.where(is_open, both, np.inf) - np.where(is_open, time, 0.0)
         if not np.isfinite(whole.min()):
             return None
-        if not legs.drop_shut(whole.ravel(), float(whole.min())):
+        if not legs.drop_shut(whole.ravel(), float(whole.min()), _BARELY_AHEAD):
             break
     before, last = np.unravel_index(so_far[-1].argmin(), so_far[-1].shape)
     chain = [int(last), int(before)]

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import FuelBound
 from renew.classes.class_enumerator import ClassEnumerator
+from renew.classes.dual_graph import Channel, RoughPath, visits
 from renew.classes.h_signature import VIA, Rays, Word, rays_that_matter
 from renew.classes.triangulation import (
     Triangulation,
@@ -161,6 +162,34 @@ class Problem:
     def _scouts(self) -> dict[float, ClassEnumerator]:
         """Enumerators by clearance; each has its own roadmap."""
         return {}
+
+
+def channel_along(path: FloatArray, problem: Problem) -> Channel | None:
+    """Return the channel of the class of a path (n, 2); None if the path leaves the water."""
+    pieces = problem.voyage.cut(path)
+    parts = [part for piece in pieces if (part := _along(piece, problem)) is not None]
+    if len(parts) < len(pieces):
+        return None
+    return Channel.joined(parts, problem.voyage.via) if len(pieces) > 1 else parts[0]
+
+
+def _along(path: FloatArray, problem: Problem) -> Channel | None:
+    """Return the channel of a path between two stops, a row of triangles without repeats."""
+    mesh = problem.triangulation
+    crossed = visits(path, mesh.corners).triangle
+    row = list[int]()
+    for triangle in crossed.tolist():
+        # The triangles between two visits of the same triangle are left out.
+        row = row[: row.index(triangle)] if triangle in row else row
+        row.append(triangle)
+    if not row or any(b not in mesh.neighbours[a] for a, b in itertools.pairwise(row)):
+        return None
+    word = problem.rays.word(path)
+    channel = Channel.of(mesh, np.array(row), word)
+    # A loop that was left out may have led round an island.
+    if problem.rays.word(channel.midline(path[0], path[-1])) != word:
+        return None
+    return Channel(channel.triangles, channel.left, channel.right, word, RoughPath(path, crossed))
 
 
 # Largest change of the current while the vessel turns by 1 rad, as a share of its speed. On a chart

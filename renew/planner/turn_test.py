@@ -120,12 +120,11 @@ class LazyLegs:
         test: TurnTest,
         legs: tuple[FloatArray, FloatArray],
         time: FloatArray,
-        ahead: tuple[float, float],
         *,
         closely: bool,
     ) -> None:
         self.time = time
-        self._test, self._ahead, self._closely = test, ahead, closely
+        self._test, self._closely = test, closely
         self._begin, self._end = legs
         self._is_flown = np.zeros((2, len(time)), dtype=bool)
 
@@ -134,15 +133,21 @@ class LazyLegs:
         """Time (m,), s; inf for legs on which not all turns have been flown."""
         return np.where(self._is_flown.all(axis=0), self.time, np.inf)
 
-    def drop_shut(self, whole: FloatArray, best: float, latest: float = math.inf) -> bool:
+    def drop_shut(
+        self,
+        whole: FloatArray,
+        best: float,
+        ahead: tuple[float, float],
+        latest: float = math.inf,
+    ) -> bool:
         """Fly turns on some legs, and drop those that are not free; whether any were flown.
 
         `whole` (m,) is the time, s, of the best path with each leg, and `best` the least of these.
         No leg is flown for a path that takes longer than the `latest`.
         """
-        levels = zip(self._ahead, (AROUND[:, :1], AROUND[:, 1:]), self._is_flown, strict=True)
-        for ahead, deviations, is_flown in levels:
-            legs = np.flatnonzero(~is_flown & (whole <= min(ahead * best, latest)))
+        levels = zip(ahead, (AROUND[:, :1], AROUND[:, 1:]), self._is_flown, strict=True)
+        for ratio, deviations, is_flown in levels:
+            legs = np.flatnonzero(~is_flown & (whole <= min(ratio * best, latest)))
             if len(legs):
                 is_flown[legs] = True
                 begin, end = self._begin[legs], self._end[legs]

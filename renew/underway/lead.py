@@ -8,7 +8,6 @@ The class that was planned is kept, unless another saves enough.
 """
 
 import contextlib
-import itertools
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +15,6 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
-from renew.classes.dual_graph import Channel, RoughPath, visits
 from renew.classes.h_signature import Word, name
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import wrapped
@@ -25,7 +23,7 @@ from renew.planner.classes import ClassSearch, no_class_error
 from renew.planner.fit import as_drawn
 from renew.planner.one_class import ClassPath, ClassPlanner, fuel_estimate
 from renew.planner.plan import meetings, plan_request, planner_of
-from renew.planner.problem import Problem, check_current_at_endpoints
+from renew.planner.problem import channel_along, check_current_at_endpoints
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
 from renew.steering.trajectory import steer
@@ -106,34 +104,6 @@ def track_ahead(trajectory: FloatArray, at: FloatArray, time: float) -> FloatArr
     due, _, _, heading = (np.interp(along, reached, column) for column in trajectory.T)
     rest = trajectory[reached > along + 1e-9] + [time - due, 0.0, 0.0, 0.0]
     return np.vstack([[time, *at, heading], rest])
-
-
-def channel_along(path: FloatArray, problem: Problem) -> Channel | None:
-    """Return the channel of the class of a path (n, 2); None if the path leaves the water."""
-    pieces = problem.voyage.cut(path)
-    parts = [part for piece in pieces if (part := _along(piece, problem)) is not None]
-    if len(parts) < len(pieces):
-        return None
-    return Channel.joined(parts, problem.voyage.via) if len(pieces) > 1 else parts[0]
-
-
-def _along(path: FloatArray, problem: Problem) -> Channel | None:
-    """Return the channel of a path between two stops, a row of triangles without repeats."""
-    mesh = problem.triangulation
-    crossed = visits(path, mesh.corners).triangle
-    row = list[int]()
-    for triangle in crossed.tolist():
-        # The triangles between two visits of the same triangle are left out.
-        row = row[: row.index(triangle)] if triangle in row else row
-        row.append(triangle)
-    if not row or any(b not in mesh.neighbours[a] for a, b in itertools.pairwise(row)):
-        return None
-    word = problem.rays.word(path)
-    channel = Channel.of(mesh, np.array(row), word)
-    # A loop that was left out may have led round an island.
-    if problem.rays.word(channel.midline(path[0], path[-1])) != word:
-        return None
-    return Channel(channel.triangles, channel.left, channel.right, word, RoughPath(path, crossed))
 
 
 # Number of headings that are tried in a full turn.

@@ -136,6 +136,7 @@ class PriceSearch:
         """Find the first classes with a planner; one class's path is known already."""
         search = ClassSearch(planner)
         search.find_first(self.classes)
+        search.fit(self.classes)
         paths = {
             of_class: self.with_speeds(class_path)
             for of_class, class_path in search.all_found.items()

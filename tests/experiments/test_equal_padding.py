@@ -16,8 +16,9 @@ from tests.experiments.scenes import VESSEL, islands_voyage
 
 
 def planned(voyage: Voyage, classes: int = 16) -> renew.Plan:
+    places = voyage.start, voyage.goal
     return renew.plan(
-        voyage.chart, voyage.current, voyage.vessel, voyage.start, voyage.goal, classes=classes
+        voyage.chart, voyage.current, voyage.vessel, *places, classes=classes, padding="triangle"
     )
 
 

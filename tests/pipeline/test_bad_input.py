@@ -90,7 +90,11 @@ def with_line(text: str, old: str, new: str) -> str:
         ("classes = 2", "risk = 1", ["planner.risk = 1", "not below 1", "0.05"]),
         ("classes = 2", "risk = nan", ["planner.risk", "not finite", "0.05"]),
         ("classes = 2", 'risk = "low"', ['planner.risk = "low"', "not a number", "0.05"]),
-        ("classes = 2", "padding = -1", ["planner.padding = -1", "'adaptive', 'none' or metres"]),
+        (
+            "classes = 2",
+            "padding = -1",
+            ["planner.padding = -1", "'adaptive', 'triangle', 'none' or metres"],
+        ),
         ("scale = 1000", "scale = 0", ["scale = 0", "below 0.1", "1 is the true scale"]),
         ("scale = 1000", "colour = 1", ["unknown key colour", "start"]),
         (

@@ -109,8 +109,7 @@ def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
 def test_the_vessels_own_speed_alone_gives_the_same_routes() -> None:
     scene = random_scene(5)
     own = PAPER_VESSEL.speed
-    # Padding is not fitted to turns where speeds are chosen.
-    given = scene.plan(padding="triangle")
+    given = scene.plan()
     chosen = scene.plan(speed=(own, own), arrive_by=1e4)
     assert [route.homotopy for route in chosen.routes] == [one.homotopy for one in given.routes]
     for route, same in zip(chosen.routes, given.routes, strict=True):
