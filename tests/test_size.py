@@ -15,7 +15,7 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_407, 27),
+    "renew": (1_421, 27),
     "pipeline": (1_102, 12),
     "pipeline/cli": (2_408, 6),
     "pipeline/findings": (3_316, 15),
@@ -24,24 +24,24 @@ ROOMS = {
     "pipeline/machine": (1_628, 10),
     "pipeline/model": (1_417, 34),
     "pipeline/nightly": (3_619, 28),
-    "pipeline/scenario": (2_543, 36),
+    "pipeline/scenario": (2_545, 36),
     "pipeline/serve": (1_477, 9),
     "pipeline/sources": (8_189, 39),
     "pipeline/stages": (4_558, 13),
     "pipeline/voyage": (1_744, 5),
     "renew/bounds": (1_586, 8),
-    "renew/classes": (2_314, 14),
-    "renew/inputs": (2_046, 23),
-    "renew/kernels": (1_773, 15),
-    "renew/paths": (1_802, 9),
-    "renew/planner": (2_201, 6),
+    "renew/classes": (2_390, 14),
+    "renew/inputs": (2_054, 23),
+    "renew/kernels": (2_044, 18),
+    "renew/paths": (1_804, 9),
+    "renew/planner": (2_862, 9),
     "renew/steering": (889, 1),
-    "renew/turns": (1_547, 13),
-    "renew/underway": (1_934, 11),
-    "renew/vary": (1_814, 9),
+    "renew/turns": (1_569, 13),
+    "renew/underway": (1_907, 11),
+    "renew/vary": (1_817, 9),
     "renew/voyage": (750, 5),
 }
-MOST_FILES = 202
+MOST_FILES = 206
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (54, 522)}
 

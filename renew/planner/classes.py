@@ -218,7 +218,7 @@ class ClassSearch:
             return
         found = set[Word]()
         for cell in CELLS:
-            if found or not has_fine_roadmap(problem, cell):
+            if not has_fine_roadmap(problem, cell) or (cell < CELLS[0] and self.found):
                 break
             ways = FreeWays(problem, cell)
             for path in ways.paths(count, _WORTH_A_SEARCH * least):

@@ -81,10 +81,9 @@ def fitted_along(planner: ClassPlanner, path: FloatArray, ways: FreeWays) -> Cla
 
 def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> ClassPath | None:
     """Return a path (n, 2) of a channel sailed at the planner's departure; None if it is unsafe."""
-    corridor = planner.corridor(channel)
-    if planner.fits_padding:
-        pieces = in_pieces(corridor)
-        corridor = _beside(pieces, path, planner.options)
+    corridor, fits = planner.corridor(channel), planner.fits_padding
+    if fits:
+        corridor = _beside(in_pieces(corridor), path, planner.options)
     else:
         corridor = planner.growth.fitted(corridor, path)
     try:
@@ -92,7 +91,7 @@ def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> Class
         planner.check_current(trajectory)
     except InfeasibleError:
         return None
-    if planner.fits_padding:
+    if fits:
         is_clear = _needs(planner, corridor, path)[1]
     else:
         is_clear = planner.growth.shortfall(corridor, path) is None

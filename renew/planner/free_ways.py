@@ -26,8 +26,8 @@ CELLS = 0.8, 0.5
 _REACH = 4
 # Largest number of cells: a chart with sides of about a hundred v/ω.
 _MAX_CELLS = 20_000
-# Margin around land while ways are looked for, in v/ω: that of the verification.
-_MARGIN = 0.05
+# Margin around land while ways are looked for, in v/ω; a way is verified with a wider one.
+_MARGIN = 0.02
 # Ratios to the best time that is still possible up to which turns are flown, in the field and in
 # its deviations; further if there is no path among those legs whose corners can be rounded.
 _AHEAD = ((1.02, 1.01), (1.05, 1.04), (1.2, 1.15))
