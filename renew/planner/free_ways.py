@@ -6,7 +6,6 @@ can turn away all the time. There, the water is covered with nodes closer than a
 a leg is dropped if a turn that is begun on it touches land. The best paths over the legs that are
 left are refined by a dynamic programme, over rows of points beside them, under the same condition
 and one more: the vessel can round each corner.
-
 """
 
 import math

@@ -70,7 +70,7 @@ _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
 # Margin (share of v/ω) added to land, so that another seed, or a place between two stations, shows
 # no collision that the verification missed. When padding grows, this margin is added once more.
-MARGIN = 0.05
+_MARGIN = 0.05
 # Padding grows by this factor times what it lacks, because the new path meets another current.
 _OVERSHOOT = 1.3
 # Factor on the distance by which a perturbed current may carry a turn away: on the way the turn
@@ -88,7 +88,7 @@ _MAX_STATIONS = 1_000_000
 STEPS = 24
 # Deviations in which turns are simulated: the field itself, and the corners of the box from which
 # contingency draws: a turn reaches furthest where the field deviates most.
-CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
+_CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
 # The field, and deviations all round that box. In a current whose direction varies much, a turn may
 # reach furthest between two corners.
 AROUND = np.array(
@@ -186,7 +186,7 @@ class _Near(NamedTuple):
         vessel = voyage.vessel
         if speeds is None:
             speeds = np.full(len(path) - 1, vessel.speed)
-        margin = MARGIN * vessel.turning_radius
+        margin = _MARGIN * vessel.turning_radius
         spacing = _spacing(path, vessel)
         points, course, times = passed_stations(path, spacing, voyage)
         flown = []
@@ -233,12 +233,12 @@ class _Near(NamedTuple):
         # touch land.
         drift = (self.furthest[close] - 2 * self.vessel.turning_radius) / 2
         off = _max_offset(self.points[close], field, self.vessel, drift, times[close])
-        turns, track, _ = self._touching(close, field, times, margin + off, CORNERS[:, :1])
+        turns, track, _ = self._touching(close, field, times, margin + off, _CORNERS[:, :1])
         close = close[np.unique(track // turns.shape[1])]
         if not len(close):
             return None
         radius = np.full(len(close), margin)
-        turns, track, edge = self._touching(close, field, times, radius, CORNERS)
+        turns, track, edge = self._touching(close, field, times, radius, _CORNERS)
         if not len(track):
             return None
         tracks = turns.reshape(-1, *turns.shape[2:])
@@ -281,7 +281,7 @@ def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
     """
     table, vessel = voyage.table, voyage.vessel
     astray = _ELSEWHERE * table.error * vessel.turn_period
-    if table.is_fine or astray > MARGIN / 2 * vessel.turning_radius:
+    if table.is_fine or astray > _MARGIN / 2 * vessel.turning_radius:
         return voyage.waters.quick_current, 0.0
     return TabulatedCurrent(table), astray
 
@@ -323,7 +323,7 @@ def _max_offset(
     points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray, times: FloatArray
 ) -> FloatArray:
     """Return how far (n,), m, perturbations can carry a turn that drifts by `drift` (n,), m."""
-    speed_change, direction_change = perturbations(points, field, vessel, CORNERS[:, 1:2], times)
+    speed_change, direction_change = perturbations(points, field, vessel, _CORNERS[:, 1:2], times)
     return _ELSEWHERE * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
 
 
