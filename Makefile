@@ -17,7 +17,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-# Modules are compiled where they are first imported, once: all of them at set-up would take longer than the rest of it.
+# What set-up has not compiled is, once, where it is first imported.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup test lint types pytest compiled format test-slow test-new-examples test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock qgis-plugin wheel clean nightly experiments experiments-quick $(SCENARIOS)
@@ -36,6 +36,8 @@ define install
 endef
 PIP_OPTIONS := --quiet --disable-pip-version-check --no-input --no-compile
 
+# A run starts several processes, which would compile the same modules each for itself: compileall takes every core. Half
+# of the libraries' modules are their tests.
 $(READY): pyproject.toml requirements.lock
 	@for name in $(PYTHON); do python=$$("$$name" -c '$(PROBE)' 2>/dev/null) && break; done; \
 	if [ -z "$$python" ]; then \
@@ -50,6 +52,7 @@ $(READY): pyproject.toml requirements.lock
 	sed '/$(BESIDES)/,$$d' requirements.lock > $(VENV)/part.lock; \
 	$(call install,--require-hashes --requirement $(VENV)/part.lock); \
 	$(call install,--no-build-isolation --editable .); \
+	$(BIN)/python -m compileall -qq -j 0 -x '/tests?/' $(VENV)/lib || true; \
 	touch $@
 
 $(COMPLETE): $(READY)
