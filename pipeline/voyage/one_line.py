@@ -17,7 +17,7 @@ from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.scenario.strict import validated
 from pipeline.sources.registry import current_source
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
-from pipeline.voyage.readers import (
+from pipeline.voyage.positions import (
     Position,
     continued,
     joined,

@@ -12,20 +12,16 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pipeline.errors import RequestError
+from pipeline.voyage.positions import EXAMPLES, Position, read_end, read_position, read_stop
 from pipeline.voyage.readers import (
-    EXAMPLES,
     RANGE,
-    Position,
     dimension_m,
     read_clearance_m,
     read_currents,
-    read_end,
     read_members,
     read_months,
     read_name,
-    read_position,
     read_station,
-    read_stop,
     read_vessel,
     readable,
     speed_or_range,
