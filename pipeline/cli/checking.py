@@ -105,9 +105,10 @@ def _compared(one: CheckedRoute) -> Iterator[str]:
 def _times(one: CheckedRoute, route: GivenRoute, departure: datetime) -> Iterator[tuple[str, ...]]:
     """Yield the rows of a table: each point, when it is passed, and how much later than stated."""
     yield "point", "passed", "file states", "difference"
-    for number, (name, stated, seconds) in enumerate(
-        zip(route.names, route.times, one.passed_s, strict=True), start=1
+    for number, (point, seconds) in enumerate(
+        zip(route.points, one.passed_s, strict=True), start=1
     ):
+        name, stated = point.name, point.time
         passed = departure + timedelta(seconds=round(float(seconds)))
         late = "" if stated is None else f"{(passed - stated).total_seconds():+,.0f} s"
         yield (
@@ -127,7 +128,6 @@ def _json(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> d
         more = one.given.metrics.fuel / other.metrics.fuel - 1
         return {**figures(other.metrics, "json"), "fuel_more_share": more}
 
-    times = [timedelta(seconds=float(seconds)) for seconds in one.passed_s]
     return {
         "season": one.given.season,
         **figures(one.given.metrics, "json"),
@@ -136,7 +136,7 @@ def _json(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> d
             {"name": land.name, "length_m": land.length_m, "place": note_value(land.place)}
             for land in one.crossed
         ],
-        "nearest": None if one.nearest is None else note_value(one.nearest),
+        "nearest": one.nearest and note_value(one.nearest),
         "shut": one.shut,
         "turns_meet_land_from": [note_value(place) for place in one.met],
         "same_side": beside(one.same_side),
@@ -144,14 +144,13 @@ def _json(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> d
         "why_not": one.why_not,
         "points": [
             {
-                "name": name,
-                "lonlat": lonlat,
-                "passed_s": after.total_seconds(),
-                "passed": None if departure is None else (departure + after).isoformat(),
-                "stated": None if stated is None else stated.isoformat(),
+                "name": point.name,
+                "lon": point.lon,
+                "lat": point.lat,
+                "passed_s": float(seconds),
+                "passed": departure and departure + timedelta(seconds=float(seconds)),
+                "stated": point.time,
             }
-            for name, lonlat, after, stated in zip(
-                route.names, route.lonlat.tolist(), times, route.times, strict=True
-            )
+            for point, seconds in zip(route.points, one.passed_s, strict=True)
         ],
     }

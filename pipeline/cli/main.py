@@ -203,8 +203,8 @@ def check_route(
 
         route = read_route(file)
         start, goal = route.ends
-        if not given["depart"] and not given["month"] and route.times[0]:
-            given["depart"] = route.times[0]
+        if not given["depart"] and not given["month"] and route.points[0].time:
+            given["depart"] = route.points[0].time
         request = read_voyage({**given, "start": start, "goal": goal}, "command")
         asked = voyage_scenario(request)
         with progress(*asked, quiet=quiet, as_json=as_json) as on_event:

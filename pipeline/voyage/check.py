@@ -7,7 +7,6 @@ side and the best of all.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -26,8 +25,6 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.stages.measure import measured
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.route_file import GivenRoute
-from renew.request import Request
-from renew.underway.assess import beside, shut_on
 
 # Least true metres of a crossing that is named: a shorter one only grazes the shore.
 _LEAST_M = 1.0
@@ -101,10 +98,10 @@ def check_route(
     )
     options, places = chosen.scenario.planner, chosen.fetched.land.places
     found = {
-        case.name: _beside(case, _in_plane(line, case), options) for case in chosen.cases.value
+        case.name: _assessed(case, _in_plane(line, case), options) for case in chosen.cases.value
     }
     results, islands, class_islands = way_names(
-        chosen.cases.value[0].water, [one.result for one in found.values()], places
+        chosen.cases.value[0].water, [one for *_, one in found.values()], places
     )
     every = (*(Note.of("as-read", said=text) for text in said), *chosen.notes)
     run = RunResult(
@@ -120,7 +117,10 @@ def check_route(
         class_islands,
         choices=every,
     )
-    checked = (_checked(run.case(name).routes, one, route, at) for name, one in found.items())
+    checked = (
+        _checked(run.case(name).routes, beside, one, (route, at))
+        for name, (one, beside, _) in found.items()
+    )
     return run, tuple(checked)
 
 
@@ -140,44 +140,34 @@ def _in_plane(line: FloatArray, case: Case) -> FloatArray:
     return path
 
 
-class _Beside(NamedTuple):
-    """A result with the given route first, the ranks of the two beside it, and sentences."""
-
-    result: CaseResult
-    same_side: int | None
-    best: int | None
-    why_not: str
-    shut: tuple[str, ...]
-
-
-def _beside(case: Case, path: FloatArray, options: PlannerOptions) -> _Beside:
-    """Plan beside a path (n, 2), and measure all its routes."""
-    request = Request.of(
-        case.chart, case.current, case.vessel, (path[0], path[-1]),
+def _assessed(
+    case: Case, path: FloatArray, options: PlannerOptions
+) -> tuple[renew.AssessedPath, list[renew.Route], CaseResult]:
+    """Assess a path (n, 2), and measure it and the routes beside it; the path comes first."""
+    found = renew.assess(
+        path, case.chart, case.current, case.vessel, avoid=case.areas, depth=case.tidal_depth,
         options=plan_options(options, min_lateness=MIN_LATENESS_S),
-        avoid=case.areas, depth=case.tidal_depth,
     )  # fmt: skip
-    plan, same_side, given, cause = beside(path, request)
-    if not np.isfinite(given.duration):
-        slow = path[np.isfinite(given.times)][-1]
+    if not np.isfinite(found.fuel):
+        slow = path[np.isfinite(found.times)][-1]
         raise RequestError(
             f"FILE: beyond {case.water.place_text(slow)} the current lets the vessel make no way "
             "along the route; give a faster vessel, or another departure"
         )
-    routes = list(dict.fromkeys(one for one in (given, same_side, plan and plan.best) if one))
+    routes = [*dict.fromkeys(filter(None, (found.route, found.same_side, found.best)))]
     result = CaseResult(case.name, renew.Plan(tuple(routes), ()), "", 0.0)
-    same, best = (routes.index(one) + 1 if one else None for one in (same_side, plan and plan.best))
-    why = "" if cause is None else planner_text(cause.text, case)
-    shut = (planner_text(one, case) for one in shut_on(given, request, case.areas))
-    result = replace(result, measures=measured(case, result, options))
-    return _Beside(result, same, best, why, tuple(shut))
+    return found, routes, replace(result, measures=measured(case, result, options))
 
 
 def _checked(
-    routes: Sequence[RankedRoute], found: _Beside, route: GivenRoute, at: list[int]
+    ranked: Sequence[RankedRoute],
+    routes: Sequence[renew.Route],
+    found: renew.AssessedPath,
+    drawn: tuple[GivenRoute, list[int]],
 ) -> CheckedRoute:
-    """Return a given route, the first of `routes`, with what is measured of it alone."""
-    given = routes[0]
+    """Return a given route, the first of `ranked`, with what is measured of it alone."""
+    route, at = drawn
+    given = ranked[0]
     case, path = given.case.case, np.asarray(given.route.path)
     drift = "crab" if route.is_by_legs else given.case.scenario.planner.drift
     taken = sailed(path, np.array(at[:-1]), given.route.speeds, case, drift)
@@ -186,17 +176,17 @@ def _checked(
     near = closest_approach(coast_edges(case.water.land), path, case.projection)
     turns = given.case.measures.turns[0]
     same_side, best = (
-        None if rank is None else routes[rank - 1] for rank in (found.same_side, found.best)
+        ranked[routes.index(one)] if one else None for one in (found.same_side, found.best)
     )
     return CheckedRoute(
         given,
         same_side,
         best,
-        found.why_not,
+        "" if found.cause is None else planner_text(found.cause.text, case),
         cumulative(taken.planner_s if is_planners else taken.true_s),
         crossed,
         None if crossed or near is None else case.water.place(near[0]),
-        found.shut,
+        tuple(planner_text(one, case) for one in found.shut),
         tuple(map(case.water.place, turns.points[turns.collided])),
     )
 

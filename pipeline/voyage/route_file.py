@@ -7,14 +7,14 @@ are; by RFC 7946 those of GeoJSON are straight in degrees.
 
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gpxpy
-import gpxpy.gpx
 import numpy as np
 from lxml import etree
 
@@ -32,28 +32,39 @@ _MOST_POINTS = 100_000
 _PIECE_M = 2_000.0
 # Number of metres of a degree of latitude, roughly.
 _DEGREE_M = 111_000.0
+# What the libraries that read a file raise where it is damaged.
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, etree.XMLSyntaxError)
 
 
-@dataclass(frozen=True, eq=False)
+class RoutePoint(NamedTuple):
+    """A point of a route, degrees, and the geometry of the leg to it; None: straight in degrees."""
+
+    lon: float
+    lat: float
+    name: str = ""
+    time: datetime | None = None
+    curve: Curve | None = None
+
+
+@dataclass(frozen=True)
 class GivenRoute:
-    """A route of a file: n points, with names and times where the file has them.
-
-    `lonlat` (n, 2) degrees, continuous across 180. `curves` are the geometries of its legs (n - 1),
-    None for lines straight in degrees. `others` is the number of further routes of the file.
-    """
+    """A route of a file, of at least two points; `others` is the number of its further routes."""
 
     name: str
     form: str
-    lonlat: FloatArray
-    curves: tuple[Curve | None, ...]
-    names: tuple[str, ...]
-    times: tuple[datetime | None, ...]
+    points: tuple[RoutePoint, ...]
     others: int = 0
+
+    @cached_property
+    def lonlat(self) -> FloatArray:
+        """Its points (n, 2), degrees, continuous across 180."""
+        lon, lat = np.array([point[:2] for point in self.points], dtype=float).T
+        return np.column_stack([np.unwrap(lon, period=360.0), lat])
 
     @property
     def is_by_legs(self) -> bool:
         """Whether it is given by legs on which a course is held, not as a line."""
-        return self.curves[0] is not None
+        return self.points[-1].curve is not None
 
     @property
     def ends(self) -> tuple[str, str]:
@@ -68,14 +79,14 @@ class GivenRoute:
     def drawn(self) -> tuple[FloatArray, list[int]]:
         """Its line in short pieces (m, 2), degrees, and the indices (n,) of its points in it."""
         line, at = [self.lonlat[:1]], [0]
-        for ends, curve in zip(itertools.pairwise(self.lonlat), self.curves, strict=True):
+        for ends, point in zip(itertools.pairwise(self.lonlat), self.points[1:], strict=True):
             begin, end = (one[None] for one in ends)
-            if curve is None:
+            if point.curve is None:
                 far_m = _DEGREE_M * np.hypot(*(end - begin)[0])
                 share = np.linspace(0.0, 1.0, 2 + int(far_m / _PIECE_M))[:, None]
                 pieces = begin + share * (end - begin)
             else:
-                pieces, _ = in_pieces(begin, end, curve, _PIECE_M)
+                pieces, _ = in_pieces(begin, end, point.curve, _PIECE_M)
             line.append(pieces[1:])
             at.append(at[-1] + len(pieces) - 1)
         return np.vstack(line), at
@@ -89,145 +100,102 @@ def read_route(path: Path) -> GivenRoute:
     RequestError
         The file can't be read, or has no route.
     """
-    if reason := unreadable_reason(path):
-        raise RequestError(f"FILE: {shown(path)} {reason}; give a route in GPX, RTZ or GeoJSON")
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise ValueError(f"has more than {_MOST_BYTES // 1_000_000} MB; give the route alone")  # noqa: TRY301 - told with the file's name below
-        content = path.read_bytes()
-        head = content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
-        found = list(_of_json(content) if head in (b"{", b"[") else _of_xml(content))
-        usable = [one for one in found if len(one.lonlat) > 1]
-        if not usable:
-            raise ValueError("has no route, track or line of at least two points")  # noqa: TRY301
-        return _checked(usable)
+        why = unreadable_reason(path) or ""
+        if not why and path.stat().st_size > _MOST_BYTES:
+            why = f"has more than {_MOST_BYTES // 1_000_000} MB"
+        if not why:
+            content = path.read_bytes()
+            head = content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
+            found = list(_of_json(content) if head in (b"{", b"[") else _of_xml(content))
+            route, why = _first(found)
     except RecursionError:
-        raise RequestError(f"FILE: {shown(path)} is nested too deep for a route") from None
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        etree.XMLSyntaxError,
-        gpxpy.gpx.GPXException,
-    ) as error:
-        why = (
-            clean(str(error)) if type(error) is ValueError else f"is damaged ({clean(str(error))})"
-        )
-        raise RequestError(
-            f"FILE: {shown(path)} {why}; give a route in GPX, RTZ or GeoJSON"
-        ) from None
+        why = "is nested too deep"
+    except (*_DAMAGED, gpxpy.gpx.GPXException) as error:
+        why = f"is damaged ({clean(str(error))})"
+    if why:
+        raise RequestError(f"FILE: {shown(path)} {why}; give a route in GPX, RTZ or GeoJSON")
+    return route
 
 
-def _checked(found: list[GivenRoute]) -> GivenRoute:
-    """Return the first route of a file, its longitudes continuous; ValueError for bad figures."""
-    route = found[0]
-    lon, lat = route.lonlat.T
-    if len(lon) > _MOST_POINTS:
-        raise ValueError(f"has a line of {len(lon):,} points, more than {_MOST_POINTS:,}; thin it")
-    wrong = ~((np.abs(lon) <= 360) & (np.abs(lat) <= 90))
-    if wrong.any():
-        at = int(wrong.argmax())
-        raise ValueError(f"has a point {at + 1} at longitude {lon[at]:g}, latitude {lat[at]:g}")
-    lonlat = np.column_stack([np.unwrap(lon, period=360.0), lat])
-    kept = np.append(True, np.any(np.diff(lonlat, axis=0) != 0, axis=1))
-    if kept.sum() < 2:
-        raise ValueError("has a route whose points are all at one place")
-    which = np.flatnonzero(kept)
-    return GivenRoute(
-        route.name,
-        route.form,
-        lonlat[kept],
-        tuple(route.curves[at - 1] for at in which[1:]),
-        tuple(route.names[at] for at in which),
-        tuple(route.times[at] for at in which),
-        len(found) - 1,
-    )
+def _first(found: list[GivenRoute]) -> tuple[GivenRoute, str]:
+    """Return the first route of a file without points twice, and what is wrong with it, or ""."""
+    route = next((one for one in found if len(one.points) > 1), None)
+    if route is None:
+        return GivenRoute("", "", ()), "has no route, track or line of at least two points"
+    for number, (lon, lat, *_) in enumerate(route.points, start=1):
+        if not (abs(lon) <= 360 and abs(lat) <= 90):
+            return route, f"has point {number} at longitude {lon:g}, latitude {lat:g}"
+    moved = np.any(np.diff(route.lonlat, axis=0) != 0, axis=1).tolist()
+    kept = tuple(itertools.compress(route.points, [True, *moved]))
+    why = "has a route whose points are all at one place" if len(kept) < 2 else ""
+    if len(kept) > _MOST_POINTS:
+        why = f"has a line of {len(kept):,} points, and {_MOST_POINTS:,} are read"
+    return GivenRoute(clean(route.name), route.form, kept, len(found) - 1), why
 
 
-def _line(name: str, form: str, lonlat: Any) -> GivenRoute:  # noqa: ANN401 - as a file has it
-    """Return a line as it is, without names and times of its points."""
-    points = np.array([one[:2] for one in lonlat], dtype=float).reshape(-1, 2)
-    count = len(points)
-    return GivenRoute(
-        name, form, points, (None,) * max(0, count - 1), ("",) * count, (None,) * count
-    )
+def _line(name: object, form: str, lonlat: Iterable[Any]) -> GivenRoute:
+    """Return a line as it is."""
+    points = (RoutePoint(float(one[0]), float(one[1])) for one in lonlat)
+    return GivenRoute(str(name or ""), form, tuple(points))
 
 
 def _of_json(content: bytes) -> Iterator[GivenRoute]:
     """Yield the lines of a GeoJSON: our best route first, as its features are in order."""
     document = json.loads(content)
     for feature in document.get("features") or [document]:
-        shape = feature.get("geometry") or feature
-        name = str((feature.get("properties") or {}).get("name") or "")
+        shape, name = (
+            feature.get("geometry") or feature,
+            (feature.get("properties") or {}).get("name"),
+        )
         if shape.get("type") == "LineString":
             yield _line(name, "GeoJSON", shape["coordinates"])
         elif shape.get("type") == "MultiLineString":
             # A line across 180 degrees is written in parts.
-            yield _line(name, "GeoJSON", list(itertools.chain(*shape["coordinates"])))
+            yield _line(name, "GeoJSON", itertools.chain(*shape["coordinates"]))
 
 
 def _of_xml(content: bytes) -> Iterator[GivenRoute]:
-    """Yield the routes of an RTZ; or the routes of a GPX, and then its tracks."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True)
-    root = etree.fromstring(content, parser)
-    kind = etree.QName(root).localname
-    if kind == "route":
+    """Yield the route of an RTZ; or the routes of a GPX, and then its tracks."""
+    root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
+    if etree.QName(root).localname == "route":
         yield _of_rtz(root)
-    elif kind == "gpx":
-        gpx = gpxpy.parse(etree.tostring(root, encoding="unicode"))
-        for route in gpx.routes:
-            yield _of_points(str(route.name or ""), "GPX route", route.points)
-        for track in gpx.tracks:
-            points = [point for segment in track.segments for point in segment.points]
-            lonlat = [(point.longitude, point.latitude) for point in points]
-            yield _line(str(track.name or ""), "GPX track", lonlat)
-    else:
-        raise ValueError(f"is XML with the root {clean(kind)!r}, which is no route")
-
-
-def _of_points(name: str, form: str, points: list[Any]) -> GivenRoute:
-    """Return a route of a GPX."""
-    lonlat = np.array([(one.longitude, one.latitude) for one in points]).reshape(-1, 2)
-    curve = curve_for(lonlat) if len(lonlat) else "Loxodrome"
-    return GivenRoute(
-        clean(name),
-        form,
-        lonlat,
-        (curve,) * max(0, len(points) - 1),
-        tuple(clean(str(one.name or "")) for one in points),
-        tuple(None if one.time is None else _utc(one.time) for one in points),
-    )
+        return
+    gpx = gpxpy.parse(etree.tostring(root, encoding="unicode"))
+    for route in gpx.routes:
+        curve = curve_for(
+            np.array([(one.longitude, one.latitude) for one in route.points] or [(0, 0)])
+        )
+        points = (
+            RoutePoint(
+                one.longitude, one.latitude, clean(str(one.name or "")), _utc(one.time), curve
+            )
+            for one in route.points
+        )
+        yield GivenRoute(str(route.name or ""), "GPX route", tuple(points))
+    for track in gpx.tracks:
+        places = [point for segment in track.segments for point in segment.points]
+        yield _line(track.name, "GPX track", ((one.longitude, one.latitude) for one in places))
 
 
 def _of_rtz(root: Any) -> GivenRoute:  # noqa: ANN401 - lxml has no types
-    """Return the route of an RTZ, with the times of its first schedule that has any."""
-    stated: dict[str, datetime] = {}
+    """Return the route of an RTZ, with the times of the first schedule that has any."""
+    stated: dict[str, datetime | None] = {}
     for one in root.iterfind(".//{*}schedules//*[@waypointId]"):
-        time = one.get("eta") or one.get("etd")
-        if time and one.get("waypointId") not in stated:
-            stated[one.get("waypointId")] = _utc(datetime.fromisoformat(time))
-    points = list(root.iterfind("{*}waypoints/{*}waypoint"))
-    places = [point.find("{*}position") for point in points]
-    if any(place is None for place in places):
-        raise ValueError("has a waypoint without a position")
-    legs = [point.find("{*}leg") for point in points[1:]]
+        if time := one.get("eta") or one.get("etd"):
+            stated.setdefault(one.get("waypointId"), _utc(datetime.fromisoformat(time)))
+    points = []
+    for point in root.iterfind("{*}waypoints/{*}waypoint"):
+        place, leg = point.find("{*}position"), point.find("{*}leg")
+        is_orthodrome = leg is not None and leg.get("geometryType") == "Orthodrome"
+        curve: Curve = "Orthodrome" if is_orthodrome else "Loxodrome"
+        lon, lat = float(place.get("lon")), float(place.get("lat"))
+        named = clean(point.get("name") or ""), stated.get(point.get("id"))
+        points.append(RoutePoint(lon, lat, *named, curve))
     info = root.find("{*}routeInfo")
-    return GivenRoute(
-        clean("" if info is None else info.get("routeName", "")),
-        "RTZ",
-        np.array([(place.get("lon"), place.get("lat")) for place in places], dtype=float),
-        tuple(
-            "Orthodrome"
-            if leg is not None and leg.get("geometryType") == "Orthodrome"
-            else "Loxodrome"
-            for leg in legs
-        ),
-        tuple(clean(point.get("name") or "") for point in points),
-        tuple(stated.get(point.get("id", "")) for point in points),
-    )
+    return GivenRoute("" if info is None else info.get("routeName", ""), "RTZ", tuple(points))
 
 
-def _utc(time: datetime) -> datetime:
+def _utc(time: datetime | None) -> datetime | None:
     """Return a time in UTC; without a zone it is in UTC, as both formats demand."""
-    return (time if time.tzinfo else time.replace(tzinfo=UTC)).astimezone(UTC)
+    return time and (time if time.tzinfo else time.replace(tzinfo=UTC)).astimezone(UTC)

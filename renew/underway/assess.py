@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Unpack
 
@@ -19,8 +19,8 @@ from renew.inputs.openings import ShutArea, TidalDepth
 from renew.inputs.options import Changes, PlanOptions
 from renew.planner.plan import finished, meetings, plan_request, planner_of
 from renew.request import Request
-from renew.results import Plan, Route
-from renew.turns.contingency import Contingency, contingency
+from renew.results import Route
+from renew.turns.contingency import contingency
 from renew.underway.lead import follow
 from renew.voyage.fuel import as_path, passage
 
@@ -29,63 +29,37 @@ _SPACING = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Assessment:
+class AssessedPath:
     """What a given path costs, and how safe it is; with the routes that a plan would take.
 
     Attributes
     ----------
-    route : the path as a route that is sailed as drawn, corners and all; times are infinite from
-        where the current lets the vessel make no way. Padding and triangles are empty.
+    route : the path as a route that is sailed as drawn, corners and all, without padding; fuel and
+        times are infinite from where the current lets the vessel make no way.
+    fuel : Eq. 4 along it (fuel units).
+    times : (n,) s, when its points are passed, on the current's clock.
     land : metres of it in the hard no-go zone.
-    turns : its hard-over turns, begun every half turning radius, in the field and in draws of it.
-    shut : sentences on the areas that it enters, or may meet while they are shut.
-    plan : the plan between its ends; None if there is none.
-    same_side : the least-fuel route of its homotopy class; None if there is none.
-    cause : the error that says why there is no plan, or no route on its side.
+    clearance : least distance to the hard no-go zone, m; 0 where it crosses it.
+    trials, collisions : hard-over turns begun every half turning radius, in the field and in draws
+        of its spread; and how many of them touch the hard no-go zone.
+    homotopy : the name of its class; of no meaning where it crosses land.
+    shut : texts on the areas that it enters, or may meet while they are shut.
+    same_side, best : the least-fuel routes of its class and of all classes; None if there is none.
+    cause : the error that says why there is none, or None.
     """
 
     route: Route
+    fuel: float
+    times: FloatArray
     land: float
-    turns: Contingency
-    shut: tuple[str, ...]
-    plan: Plan | None
+    clearance: float
+    trials: int
+    collisions: int
+    homotopy: str
+    shut: tuple[Text, ...]
     same_side: Route | None
+    best: Route | None
     cause: PlanningError | None
-
-    @property
-    def fuel(self) -> float:
-        """Fuel by Eq. 4 (fuel units)."""
-        return self.route.fuel
-
-    @property
-    def times(self) -> FloatArray:
-        """When its points (n,) are passed, s, on the current's clock."""
-        return self.route.times
-
-    @property
-    def clearance(self) -> float:
-        """Least distance to the hard no-go zone, m; 0 where it crosses it."""
-        return self.route.clearance
-
-    @property
-    def trials(self) -> int:
-        """Number of turns simulated."""
-        return self.turns.trials
-
-    @property
-    def collisions(self) -> int:
-        """Number of turns that touched the hard no-go zone."""
-        return self.turns.collisions
-
-    @property
-    def homotopy(self) -> str:
-        """The name of its class; of no meaning where it crosses land."""
-        return self.route.homotopy
-
-    @property
-    def best(self) -> Route | None:
-        """The least-fuel route of all classes between its ends; None if there is none."""
-        return None if self.plan is None else self.plan.best
 
 
 def assess(
@@ -99,7 +73,7 @@ def assess(
     depth: TidalDepth | None = None,
     options: PlanOptions | None = None,
     **changes: Unpack[Changes],
-) -> Assessment:
+) -> AssessedPath:
     """Say what a path costs in fuel and time, and how safe it is, beside the routes of a plan.
 
     Parameters
@@ -113,7 +87,7 @@ def assess(
 
     Returns
     -------
-    Assessment
+    AssessedPath
         Its figures; the best route of all, and of the path's own side.
 
     Raises
@@ -126,40 +100,46 @@ def assess(
         chart, current, vessel, (path[0], path[-1]), options=options, changes=changes,
         departure=departure, avoid=avoid, depth=depth,
     )  # fmt: skip
-    line, zone = shapely.LineString(path), chart.hard_no_go
-    plan, same_side, route, cause = beside(path, request)
+    best, same_side, route, cause = _beside(path, request)
     turns = contingency(
         route, chart, current, vessel, departure=departure, drift=request.options.drift,
         spacing=_SPACING * vessel.turning_radius, seed=request.options.seed,
         lateness=request.options.lateness, min_lateness=request.options.min_lateness,
     )  # fmt: skip
-    met = tuple(map(str, shut_on(route, request, avoid)))
-    return Assessment(
-        route, float(shapely.intersection(line, zone).length), turns, met, plan, same_side, cause
+    return AssessedPath(
+        route=route,
+        fuel=route.fuel,
+        times=route.times,
+        land=float(shapely.intersection(shapely.LineString(path), chart.hard_no_go).length),
+        clearance=route.clearance,
+        trials=turns.trials,
+        collisions=turns.collisions,
+        homotopy=route.homotopy,
+        shut=tuple(_shut_on(route, request, avoid)),
+        same_side=same_side,
+        best=best,
+        cause=cause,
     )
 
 
-def shut_on(route: Route, request: Request, avoid: Sequence[ShutArea]) -> tuple[Text, ...]:
-    """Say which areas a route enters or may meet while they are shut; hours need a plan."""
+def _shut_on(route: Route, request: Request, avoid: Sequence[ShutArea]) -> Iterator[Text]:
+    """Say which areas a route enters, or may meet while they are shut; hours need a planner."""
     line = shapely.LineString(route.path)
-    entered = [
-        Text("it enters {0}", (area.text(request.departure),))
-        for area in avoid
-        if area.is_always_shut and line.intersects(area.polygon)
-    ]
-    with contextlib.suppress(PlanningError):
-        met = meetings(route, request.areas, planner_of(request)) if request.areas else {}
-        entered += [error.text for error in met.values()]
-    return tuple(entered)
+    for area in avoid:
+        if area.is_always_shut and line.intersects(area.polygon):
+            yield Text("it enters {0}", (area.text(request.departure),))
+    if request.areas:
+        with contextlib.suppress(PlanningError):
+            for error in meetings(route, request.areas, planner_of(request)).values():
+                yield error.text
 
 
-def beside(
+def _beside(
     path: FloatArray, request: Request
-) -> tuple[Plan | None, Route | None, Route, PlanningError | None]:
-    """Return a request's plan, the best route of a path's side, the path as a route, and why not.
+) -> tuple[Route | None, Route | None, Route, PlanningError | None]:
+    """Return the best route of all and of a path's class, the path as a route, and why not.
 
-    The path (n, 2) joins the request's ends. The error says why there is no plan, or no route on
-    that side.
+    The path (n, 2) joins the request's ends.
     """
     try:
         plan = finished(plan_request(request), request)
@@ -170,13 +150,13 @@ def beside(
     route = _as_drawn(path, request, plan.best.fuel_bound, name(problem.word(path)))
     same = next((one for one in plan.routes if one.homotopy == route.homotopy), None)
     if same is not None:
-        return plan, same, route, None
+        return plan.best, same, route, None
     try:
         same = planner.route(follow(planner, path))
     except InfeasibleError as error:
-        return plan, None, route, error
+        return plan.best, None, route, error
     met = meetings(same, request.areas, planner)
-    return plan, None if met else same, route, next(iter(met.values()), None)
+    return plan.best, None if met else same, route, next(iter(met.values()), None)
 
 
 def _as_drawn(path: FloatArray, request: Request, bound: FuelBound, homotopy: str) -> Route:

@@ -132,13 +132,13 @@ def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_p
         ("none.gpx", None, "does not exist"),
         ("a.gpx", "<gpx", "is damaged"),
         ("a.gpx", "<gpx version='1.1'><wpt lat='1' lon='2'/></gpx>", "no route, track or line"),
-        ("a.kml", "<kml/>", "root 'kml', which is no route"),
+        ("a.kml", "<kml/>", "no route, track or line"),
         ("a.json", "[" * 100_000, "nested too deep"),
         ("a.json", '{"type": "Point", "coordinates": [1, 2]}', "no route, track or line"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 95]]}', "latitude 95"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "all at one place"),
-        ("a.json", '{"type": "LineString", "coordinates": [[1, "x"], [1, 2]]}', "could not"),
-        ("a.rtz", "<route><waypoints><waypoint/></waypoints></route>", "without a position"),
+        ("a.json", '{"type": "LineString", "coordinates": [[1, "x"], [1, 2]]}', "is damaged"),
+        ("a.rtz", "<route><waypoints><waypoint/></waypoints></route>", "is damaged"),
     ],
 )
 def test_what_is_no_route_says_why(
