@@ -36,7 +36,9 @@ def test_a_blocked_class_names_its_strait_and_its_cost() -> None:
     assert np.sort(strait.gap[:, 0]) == pytest.approx([47, 53])
     assert "triangle" not in rejected.reason
     assert rejected.reason.startswith("blocked at (50, 45) m, between (")
-    assert "the gap is 6.00 m wide, and the padding takes 3.20 m on the left" in rejected.reason
+    assert (
+        "the gap is 6.00 m wide, and 6.40 m are needed, with 3.20 m on the left" in rejected.reason
+    )
     # A caller who knows longitude and latitude can spell the places in them.
     assert rejected.text.spelled(lambda place: f"<{place[0]:g}>").startswith("blocked at <50>")
     # The strait would be the short way: 80 m. The way round costs more because of the padding.
