@@ -98,6 +98,7 @@ def is_open(scene: Case, padding: float) -> bool:
     return bool(shapely.intersects(bodies[:, None], ends).all(axis=1).any())
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     ("width_m", "clearance", "by"),
     [(110.0, 300.0, "margin"), (500.0, 300.0, "padding"), (1000.0, 300.0, ""), (300.0, 0.0, "")],
@@ -131,6 +132,7 @@ def test_a_strait_with_wider_padding_than_most_is_found_by_its_rejected_class() 
     assert strait.needed_m > strait.width_m
 
 
+@pytest.mark.slow
 def test_straits_of_enclosed_water_are_shut_by_its_mouths() -> None:
     """Enclosed water is land to the planner; its mouths shut it, so these are reported."""
     found, scene, _ = straits(atoll(100.0), 900.0, AGILE)
