@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_421, 27),
     "pipeline": (1_105, 12),
-    "pipeline/cli": (2_408, 6),
+    "pipeline/cli": (2_412, 6),
     "pipeline/findings": (3_318, 15),
     "pipeline/formats": (7_840, 15),
     "pipeline/geo": (801, 4),
