@@ -15,11 +15,11 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_421, 27),
-    "pipeline": (1_105, 12),
-    "pipeline/cli": (2_412, 6),
+    "renew": (1_424, 27),
+    "pipeline": (1_118, 12),
+    "pipeline/cli": (2_610, 6),
     "pipeline/findings": (3_318, 15),
-    "pipeline/formats": (7_840, 15),
+    "pipeline/formats": (7_841, 15),
     "pipeline/geo": (801, 4),
     "pipeline/machine": (1_628, 10),
     "pipeline/model": (1_418, 34),
@@ -27,8 +27,8 @@ ROOMS = {
     "pipeline/scenario": (2_549, 36),
     "pipeline/serve": (1_477, 9),
     "pipeline/sources": (8_189, 39),
-    "pipeline/stages": (4_652, 13),
-    "pipeline/voyage": (1_860, 5),
+    "pipeline/stages": (4_664, 13),
+    "pipeline/voyage": (2_276, 9),
     "renew/bounds": (1_586, 8),
     "renew/classes": (2_390, 14),
     "renew/inputs": (2_054, 23),
@@ -37,13 +37,13 @@ ROOMS = {
     "renew/planner": (2_861, 9),
     "renew/steering": (889, 1),
     "renew/turns": (1_569, 13),
-    "renew/underway": (1_907, 11),
+    "renew/underway": (2_094, 12),
     "renew/vary": (1_817, 9),
     "renew/voyage": (750, 5),
 }
-MOST_FILES = 208
+MOST_FILES = 212
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (54, 522)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (55, 525)}
 
 
 def modules(room: str) -> dict[Path, str]:
