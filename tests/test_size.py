@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_430, 27),
     "pipeline": (1_118, 12),
-    "pipeline/cli": (2_604, 6),
+    "pipeline/cli": (2_610, 6),
     "pipeline/findings": (3_511, 17),
     "pipeline/formats": (7_841, 15),
     "pipeline/geo": (845, 4),

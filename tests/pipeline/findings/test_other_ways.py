@@ -98,6 +98,7 @@ def is_open(scene: Case, padding: float) -> bool:
     return bool(shapely.intersects(bodies[:, None], ends).all(axis=1).any())
 
 
+<<<<<<< HEAD
 def ways_m(scene: Case) -> tuple[float, float]:
     """Lengths of the way round the islands and of the straight way, planar metres."""
     land = shapely.union_all(np.array(scene.water.land)).convex_hull
@@ -111,6 +112,9 @@ def ways_m(scene: Case) -> tuple[float, float]:
     return min(ways), float(np.linalg.norm(scene.goal - scene.start))
 
 
+=======
+@pytest.mark.gate_share(2)
+>>>>>>> ea492e6045b7c56c6a97cacf50bafd09abecf65f
 @pytest.mark.parametrize(
     ("width_m", "clearance", "by"),
     [(110.0, 300.0, "margin"), (500.0, 300.0, "padding"), (1000.0, 300.0, ""), (300.0, 0.0, "")],
@@ -158,6 +162,7 @@ def test_a_strait_with_wider_padding_than_most_is_found_by_its_rejected_class() 
         assert said in planner_text(one.text, scene)
 
 
+@pytest.mark.slow
 def test_straits_of_enclosed_water_are_shut_by_its_mouths() -> None:
     """Enclosed water is land to the planner; its mouths shut it, so these are reported."""
     found, scene, _ = straits(atoll(100.0), 900.0, AGILE)

@@ -95,6 +95,7 @@ def test_where_a_clearance_blocks_all_the_largest_padding_is_suggested() -> None
     assert 2.7 < suggested < 3
 
 
+@pytest.mark.slow
 def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() -> None:
     with pytest.raises(renew.UnreachableError) as caught:
         renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
@@ -190,6 +191,7 @@ def test_islands_below_the_least_size_name_no_class() -> None:
     assert len(problem.enumerator(0.0).channels(20)) == 2
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("seed", [126, 322, 498])
 def test_finds_the_way_that_a_coarse_roadmap_misses(seed: int) -> None:
     """Thin walls, with the current from still to strong; without it: 41, 17 and 32 % dearer."""
