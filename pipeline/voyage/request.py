@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 STILL_WATER = ("still",)
 """The currents of a voyage in still water."""
+SNAP_M = 500.0
+"""How far a stop on land is moved to water, m: a town's name or a quay lies that far inland."""
 # Largest numbers of points on the way, of months and of files that a page may ask for: more are a
 # slip, or are given to the command line.
 _MAX_VIA = 20
@@ -224,6 +226,17 @@ class VoyageRequest:
             help="Least distance from no-go areas, true metres; chosen if left out.",
         ),
     ] = None
+    snap_m: Annotated[
+        float,
+        _limits(
+            read=read_clearance_m,
+            name="snap",
+            label="Off land, at most",
+            example="500m",
+            help="How far a start, goal or point on land is moved to the nearest water that joins "
+            "them all; the result says so. With 0 it is refused.",
+        ),
+    ] = SNAP_M
     charts: Annotated[
         Path | None,
         _water(

@@ -56,7 +56,7 @@ print(json.dumps(found))
 # A catalogue's options are tried on a small plane, each set of them once.
 OPTIONS = f"""{COUNTING}
     for name in sys.argv[1:]:
-        options = load_scenario(name).planner.model_dump()
+        options = load_scenario(name).planner.model_dump(exclude={{"snap"}})
         options["clearance"] = options["clearance"] or 0.0
         if repr(options) not in found:
             found[repr(options)] = number(chart, grid, *ends, **options)
@@ -91,7 +91,7 @@ CLOCK = f"""{COUNTING}
     chosen = dict(speed=(0.9, 1.3), arrive_by=by, classes=1)
     found["speeds by the clock"] = number(waters, changing, *way, **chosen)
     before = len(recorder.buffer)
-    renew.plan_departures(waters, changing, PAPER_VESSEL, *way, [0.0, 5.0], **chosen)
+    renew.plan_departures(waters, changing, PAPER_VESSEL, *way, [5.0], **chosen)
     found["departures"] = len(recorder.buffer) - before
 {COUNTED}"""
 
