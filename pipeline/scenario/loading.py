@@ -360,6 +360,11 @@ def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> No
     for name in map(str, asked):
         if name in known or glob.has_magic(name):
             continue
+        if "://" in name:
+            faults.append(
+                f"{key} {shown(name)} is an address; download it first, and give the file"
+            )
+            continue
         reason = unreadable_reason(resolved(name, key))
         if reason == NOT_THERE:
             hint = "give a NetCDF, GRIB or Zarr file"

@@ -113,23 +113,28 @@ def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> D
     return DepthRule(draught_m + chart.under_keel_clearance_m, tide)
 
 
-def current_source(named: Currents, members: MembersSpec | None = None) -> CurrentSource:
+def current_source(
+    named: Currents,
+    members: MembersSpec | None = None,
+    variables: tuple[str, str] | None = None,
+) -> CurrentSource:
     """Return the source of currents that a catalogue entry names, or that files make together.
 
     If `members` says that the files hold members, the source gives their mean, and each of them.
+    `variables` are those of the files that are the current; by default they are found.
     """
     if isinstance(named, StreamConstants):
         from pipeline.sources.cf.adapter import TidalStreams
 
-        return TidalStreams.of(named)
+        return TidalStreams.of(named, variables)
     if not isinstance(named, str) and members is not None and members.along:
         from pipeline.sources.cf.adapter import CfMembers
 
-        return CfMembers(named, members)
+        return CfMembers(named, members, variables)
     if not isinstance(named, str):
         from pipeline.sources.cf.adapter import CfFiles
 
-        return CfFiles(named)
+        return CfFiles(named, pair=variables)
     spec = catalogue.source(named)
     if spec.adapter == "embedded-table":
         return EmbeddedTable(spec)

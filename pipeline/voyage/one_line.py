@@ -64,6 +64,7 @@ def go(
     until: datetime | None = None,
     arrive_by: datetime | None = None,
     currents: Sequence[str | Path] = (),
+    current_variables: str | Sequence[str] = "",
     via: Sequence[str | tuple[float, float]] = (),
     avoid: Sequence[Path] = (),
     havens: Path | None = None,
@@ -141,7 +142,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     """
     start, goal = joined(request.start, request.goal)
     via = tuple(continued(point, start.lon) for point in request.via)
-    members = _given(members=request.members)
+    about = _given(members=request.members, current_variables=request.current_variables)
     clearance_m = request.clearance_m
     data: dict[str, Any] = {
         "schema_version": 1,
@@ -156,7 +157,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
             else [point.lon, point.lat]
             for point in via
         ],
-        "seasons": [season | members for season in _seasons(request, (start, goal))],
+        "seasons": [season | about for season in _seasons(request, (start, goal))],
         "planner": {} if clearance_m is None else {"clearance": clearance_m},
         **_tables_of_files(request),
     }

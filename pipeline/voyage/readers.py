@@ -364,6 +364,14 @@ def read_currents(given: Sequence[str | Path]) -> tuple[str, ...]:
     return currents
 
 
+def read_variables(given: str | Sequence[str]) -> tuple[str, str]:
+    """Read the names of two variables: "water_u,water_v"."""
+    names = given.replace(",", " ").split() if isinstance(given, str) else list(given)
+    if len(names) != 2:
+        raise ValueError(f"{' '.join(names)!r} is not two names; give them as water_u,water_v")
+    return names[0], names[1]
+
+
 def read_station(given: str | Path) -> str:
     """Read a station's name in the catalogue, or the path of its file."""
     from pipeline.scenario import catalogue

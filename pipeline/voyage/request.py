@@ -26,6 +26,7 @@ from pipeline.voyage.readers import (
     read_position,
     read_station,
     read_stop,
+    read_variables,
     read_vessel,
     readable,
     speed_or_range,
@@ -166,6 +167,17 @@ class VoyageRequest:
             "Or a source of the catalogue; 'still' plans without currents.",
         ),
     ] = ()
+    current_variables: Annotated[
+        tuple[str, str] | None,
+        _water(
+            read=read_variables,
+            metavar="U,V",
+            label="Variables of the current",
+            example="found by their names",
+            help="The two variables of {currents} that are the current, east and north, or speed "
+            "and direction, as water_u,water_v; by default they are found by their names.",
+        ),
+    ] = None
     via: Annotated[
         tuple[Position, ...],
         _limits(
@@ -440,13 +452,15 @@ def _faults_of_months(
 
 
 def _faults_of_files(asked: SimpleNamespace, at: SimpleNamespace) -> Iterator[str]:
-    """Yield what is wrong between havens and their limits, and between depths and their datum."""
+    """Yield what is wrong between havens and their limits, and between files and their options."""
     limits = [getattr(at, name) for name in ("within", "endurance") if getattr(asked, name)]
     if limits and not asked.havens:
         verb = "limit" if len(limits) > 1 else "limits"
         yield f"{', '.join(limits)} {verb} the way to a haven; add {at.havens} FILE"
     if asked.havens and not limits:
         yield f"{at.havens} needs a limit; add {at.within} 6h or {at.endurance} 2d, or both"
+    if asked.current_variables and not asked.currents:
+        yield f"{at.current_variables} are those of files; add {at.currents} FILE"
     if asked.datum and not asked.charts and not asked.depths:
         yield (f"{at.datum} = {asked.datum!r} is of charted depths; add {at.depths} or {at.charts}")
 
