@@ -23,6 +23,7 @@ from pipeline.session import session
 from pipeline.stages.choose import Chosen, choose
 from pipeline.stages.compare import bounds_of_sides, compare
 from pipeline.stages.cover import cover, havens_in
+from pipeline.stages.ends import in_water
 from pipeline.stages.fetch import fetch
 from pipeline.stages.plan import plan_cases
 from pipeline.stages.plan_case import OnStep, ignore_step
@@ -343,6 +344,8 @@ class _Stages:
             else:
                 fetched = fetch(scenario, store, offline=self.offline, strict=self.strict)
             fetched = fetched if sailed is None else sailed.keyed(scenario, fetched)
+            scenario, moved = in_water(scenario, fetched.land)
+            fetched = replace(fetched, notes=(*fetched.notes, *moved))
             for note in fetched.notes:
                 say(note)
         if store.has_made:

@@ -38,7 +38,7 @@ from pipeline.errors import Faults, RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 from pipeline.texts import seen
-from pipeline.voyage.readers import EXAMPLES, halves
+from pipeline.voyage.positions import EXAMPLES, halves
 from pipeline.voyage.request import UnderWayRequest, VoyageRequest, read_voyage
 from pipeline.voyage.table import read
 

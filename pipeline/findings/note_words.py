@@ -334,6 +334,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "how-sure": "{said}",
     "as-read": "{said}",
     "replanned": lambda found: " ".join(replanned_text(found)).removesuffix("."),
+    "stop-moved": "{stop} lies on land: it was moved {moved_m:distance} to {place}, the nearest "
+    "water that joins start and goal; planner.snap (--snap) sets how far, and 0 means not at all",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
     "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "
     "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "

@@ -302,7 +302,7 @@ def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew
     On a chart, a run has chosen the clearance before this call. In a planar scenario, a clearance
     that the options leave out is 0.
     """
-    given = {**options.model_dump(), "clearance": options.clearance or 0.0}
+    given = {**options.model_dump(exclude={"snap"}), "clearance": options.clearance or 0.0}
     return renew.PlanOptions(**given, min_lateness=min_lateness)
 
 

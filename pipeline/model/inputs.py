@@ -155,6 +155,7 @@ DECIDED = frozenset(
         "pair-taken",
         "steps-read",
         "still-water",
+        "stop-moved",
         "time-assumed",
         "unit-assumed",
         "zeros-are-land",

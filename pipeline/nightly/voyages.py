@@ -12,7 +12,7 @@ from pipeline.nightly.cycles import Row
 from pipeline.nightly.records import ACT, LOOK, SAME
 from pipeline.scenario.strict import looks_like_path
 from pipeline.texts import cell
-from pipeline.voyage.readers import Position
+from pipeline.voyage.positions import Position
 from pipeline.voyage.under_way import Fix, last_fix
 
 VOYAGES_FILE = "voyages.csv"

@@ -238,6 +238,10 @@ class PlannerOptions(StrictModel):
     )
     """Least distance from land, planar metres; by default an offing for the vessel and the chart,
     which the notes of a run state, and 0 in a plane. Give metres, 0 or more."""
+    snap: strict.Number = Field(default=0.0, ge=0, le=5000, json_schema_extra=strict.unit("m"))
+    """Distance, true metres, up to which a start, goal or via point on land is moved to the nearest
+    water that joins them all; the results say so. Renew go gives 500. Give metres from 0 to 5,000;
+    with 0 a stop on land is refused."""
     narrow_share: strict.Number = Field(default=1.0, ge=0.01, le=1)
     """In passages too narrow for the clearance, the clearance is reduced to this share of the
     distance from land to the passage's middle; 1: it is never reduced. Where a run chooses an

@@ -32,7 +32,7 @@ from pipeline.serve.plans import (
     Plans,
     too_large,
 )
-from pipeline.voyage.readers import read_position
+from pipeline.voyage.positions import read_position
 
 HOST = "127.0.0.1"
 """The only address that the server listens at; other machines can't reach it."""

@@ -84,7 +84,8 @@ def require_covered(scenario: Scenario) -> None:
 
 def require_sailable(scenario: Scenario) -> None:
     """Raise RequestError if no source covers a case or a stop lies on land."""
-    if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
+    dry = endpoints_on_land(scenario, scenario.planner.snap)
+    if faults := [*uncovered_seasons(scenario), *dry]:
         raise RequestError(faults)
 
 
@@ -175,20 +176,21 @@ def _covered_by(
     return None, "; ".join(reasons)
 
 
-def endpoints_on_land(scenario: Scenario) -> list[str]:
-    """Return a message for each stop that lies on land; none for a plane scenario."""
+def endpoints_on_land(scenario: Scenario, snap_m: float = 0.0) -> list[str]:
+    """Return a message for each stop that lies more than `snap_m` from water; none for a plane."""
     if scenario.is_planar:
         return []
     source = charted_land(scenario)
     return [
         fault
         for name, (lon, lat) in scenario.stops.items()
-        if (fault := _on_land(scenario, source, name, lon, lat))
+        if (fault := _on_land(scenario, source, name, (lon, lat), snap_m))
     ]
 
 
-def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat: float) -> str:
-    """Return a message with a remedy if a position lies on land, otherwise ""."""
+def _on_land(scenario: Scenario, source: LandSource, name: str, place: Point, snap_m: float) -> str:
+    """Return a message with a remedy if a position lies too far from water, otherwise ""."""
+    lon, lat = place
     region = box_around(shapely.Point(lon, lat), _LOOK_M)
     land = _land_near(source, lon, lat)
     if not shapely.intersects_xy(land, lon, lat).any():
@@ -205,6 +207,8 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat:
             f"nearest water; {remedy}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
+    if snap_m and shapely.distance(chart.water, here) * projection.scale <= snap_m:
+        return ""
     return not_in_water(scenario, name, here, Water(chart, (), projection), margin_m=_MARGIN_M)
 
 

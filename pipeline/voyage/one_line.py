@@ -17,14 +17,14 @@ from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.scenario.strict import validated
 from pipeline.sources.registry import current_source
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
-from pipeline.voyage.readers import (
+from pipeline.voyage.positions import (
     Position,
     continued,
     joined,
     spelled,
     voyage_name,
 )
-from pipeline.voyage.request import VoyageRequest, read_voyage
+from pipeline.voyage.request import SNAP_M, VoyageRequest, read_voyage
 from pipeline.voyage.table import help_text, options, spelling
 
 # Datasets of the service with monthly means, the best first; the first that has the month is used.
@@ -71,6 +71,7 @@ def go(
     within: str = "",
     endurance: str = "",
     clearance_m: float | None = None,
+    snap_m: float = SNAP_M,
     charts: Path | None = None,
     depths: Path | None = None,
     datum: str = "",
@@ -143,7 +144,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     start, goal = joined(request.start, request.goal)
     via = tuple(continued(point, start.lon) for point in request.via)
     about = _given(members=request.members, current_variables=request.current_variables)
-    clearance_m = request.clearance_m
+    clearance_m, snap_m = request.clearance_m, request.snap_m
     data: dict[str, Any] = {
         "schema_version": 1,
         "name": request.name or voyage_name(start, goal),
@@ -158,7 +159,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
             for point in via
         ],
         "seasons": [season | about for season in _seasons(request, (start, goal))],
-        "planner": {} if clearance_m is None else {"clearance": clearance_m},
+        "planner": {"snap": snap_m} | ({} if clearance_m is None else {"clearance": clearance_m}),
         **_tables_of_files(request),
     }
     scenario = parse_scenario(data)

@@ -12,20 +12,16 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pipeline.errors import RequestError
+from pipeline.voyage.positions import EXAMPLES, Position, read_end, read_position, read_stop
 from pipeline.voyage.readers import (
-    EXAMPLES,
     RANGE,
-    Position,
     dimension_m,
     read_clearance_m,
     read_currents,
-    read_end,
     read_members,
     read_months,
     read_name,
-    read_position,
     read_station,
-    read_stop,
     read_variables,
     read_vessel,
     readable,
@@ -39,6 +35,8 @@ if TYPE_CHECKING:
 
 STILL_WATER = ("still",)
 """The currents of a voyage in still water."""
+SNAP_M = 500.0
+"""How far a stop on land is moved to water, m: a town's name or a quay lies that far inland."""
 # Largest numbers of points on the way, of months and of files that a page may ask for: more are a
 # slip, or are given to the command line.
 _MAX_VIA = 20
@@ -240,6 +238,17 @@ class VoyageRequest:
             help="Least distance from no-go areas, true metres; chosen if left out.",
         ),
     ] = None
+    snap_m: Annotated[
+        float,
+        _limits(
+            read=read_clearance_m,
+            name="snap",
+            label="Off land, at most",
+            example="500m",
+            help="How far a start, goal or point on land is moved to the nearest water that joins "
+            "them all; the result says so. With 0 it is refused.",
+        ),
+    ] = SNAP_M
     charts: Annotated[
         Path | None,
         _water(

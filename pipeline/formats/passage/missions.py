@@ -37,6 +37,7 @@ from pipeline.formats.passage.waypoints import (
     Waypoints,
     case_waypoints,
     limits_text,
+    waypoint_names,
     waypoints,
     wrapped_longitude,
 )
@@ -420,9 +421,9 @@ def haven_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
 
 
 def _waypoints(way: Way, case: RunCase, obstacles: Obstacles) -> Waypoints:
-    """Return the waypoints of a way, the last one named after the haven."""
-    found = waypoints(_ranked(way, case), obstacles)
-    return replace(found, names=("Turn off", *found.names[1:-1], way.haven))
+    """Return the waypoints of a way, with names that no route has."""
+    found, nowhere = waypoints(_ranked(way, case), obstacles), np.empty((0, 2))
+    return replace(found, names=waypoint_names(found.lonlat, nowhere, way.number, tuple("THHH")))
 
 
 def _ranked(way: Way, case: RunCase) -> RankedRoute:

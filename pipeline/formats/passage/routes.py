@@ -47,6 +47,7 @@ from pipeline.formats.passage.waypoints import (
     document_title,
     leg_text,
     limits_text,
+    point_text,
     route_name,
     split_at_antimeridian,
     time_after,
@@ -100,20 +101,19 @@ def gpx_document(
 
 def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
     """Return waypoints of a route, each describing the leg that leaves it."""
-    ranked, count = points.ranked, len(points.lonlat)
+    ranked = points.ranked
     route = gpxpy.gpx.GPXRoute(
         name=route_name(ranked),
         description=_summary(points.metrics, ranked),
         number=ranked.rank,
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        name = f"{ranked.case.name} {ranked.rank} {points.names[index]}"
         point = gpxpy.gpx.GPXRoutePoint(
             latitude=float(latitude),
             longitude=wrapped_longitude(longitude),
             time=None if departure is None else time_after(departure, points.time_s[index]),
-            name=name,
-            description=leg_text(points, index) if index + 1 < count else "end of the route",
+            name=points.names[index],
+            description=point_text(points, index),
         )
         if index:  # as in RTZ, a waypoint has the speed of the leg that leads to it
             speed = _knots(points.speed_m_s[index - 1])
@@ -218,11 +218,10 @@ def _line(points: Waypoints) -> list[FloatArray]:
 
 def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[str, object]]:
     """Yield a route's waypoints, each with the leg that leaves it."""
-    count = len(points.lonlat)
     for index, (longitude, latitude) in enumerate(points.lonlat):
         yield {
             "name": points.names[index],
-            "description": leg_text(points, index) if index + 1 < count else "end of the route",
+            "description": point_text(points, index),
             "passed": departure and time_after(departure, points.time_s[index]),
             "place": (wrapped_longitude(longitude), latitude),
         }

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
@@ -197,7 +198,7 @@ def _described(
     nothing = np.array([np.nan])
     return Waypoints(
         ranked=ranked,
-        names=waypoint_names(projection.to_plane(lonlat), case.via),
+        names=waypoint_names(projection.to_plane(lonlat), case.via, ranked.rank),
         lonlat=lonlat,
         curve=curve,
         course_deg=np.append(initial_course_deg(lonlat[:-1], lonlat[1:], curve), nothing),
@@ -262,6 +263,9 @@ def _at_shares(lonlat: FloatArray, xy: FloatArray, shares: FloatArray) -> FloatA
 KNOTS_PER_M_S = 3600 / NAUTICAL_MILE_M
 # Maximum length of a vessel's name, in characters: checkers of RTZ warn above it.
 _MAX_VESSEL_NAME = 32
+# Maximum length of a waypoint's name, in characters: the shortest that plotters keep (NMEA 0183's
+# WPL sentences in older receivers).
+_MAX_NAME = 6
 # A whole turn of longitude, degrees.
 _TURN = np.array([360.0, 0.0])
 
@@ -308,15 +312,27 @@ def limits_text(ranked: RankedRoute) -> str:
     return f"{capitalised(caveats)}." if caveats else ""
 
 
-def waypoint_names(places: FloatArray, via: FloatArray) -> tuple[str, ...]:
-    """Return names of waypoints (n, 2) that include via points: Start, WP02, WP03 via, Goal."""
+def waypoint_names(
+    places: FloatArray, via: FloatArray, rank: int, letters: Sequence[str] = ("S", "W", "V", "G")
+) -> tuple[str, ...]:
+    """Return names of waypoints (n, 2): S01-1, W02-1, V03-1, G04-1, with the route's rank.
+
+    The letters are those of the start, of waypoints, of via points and of the goal. Names begin
+    with the difference and have at most six characters, because that is where plotters cut first.
+    """
     at_via = {int(np.linalg.norm(places - point, axis=1).argmin()) for point in via}
-    inner = range(1, len(places) - 1)
-    return (
-        "Start",
-        *(f"WP{index + 1:02d}{' via' * (index in at_via)}" for index in inner),
-        "Goal",
-    )
+    start, inner, passed, goal = letters
+    kinds = [passed if index in at_via else inner for index in range(len(places))]
+    kinds[0], kinds[-1] = start, goal
+    names = (f"{kind}{index + 1:02d}-{rank}" for index, kind in enumerate(kinds))
+    return tuple(name[-_MAX_NAME:] for name in names)
+
+
+def point_text(points: Waypoints, index: int) -> str:
+    """Describe a waypoint: its route, and the leg that leaves it."""
+    is_last = index + 1 == len(points.lonlat)
+    leg = "end of the route" if is_last else leg_text(points, index)
+    return f"{route_name(points.ranked)}: {leg}"
 
 
 def leg_text(points: Waypoints, leg: int) -> str:

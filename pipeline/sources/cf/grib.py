@@ -25,8 +25,10 @@ from pipeline._types import FloatArray
 if TYPE_CHECKING:
     import xarray as xr
 
-_EAST, _NORTH = "eastward", "northward"
-_SPEED, _DIRECTION = "speed", "direction"
+_EAST = "eastward"
+_NORTH = "northward"
+_SPEED = "speed"
+_DIRECTION = "direction"
 # Components by their parameter: a number in edition 1, whose tables from version 128 on are a
 # centre's own; discipline, category and number in edition 2.
 _PARAMETERS: Mapping[tuple[int, ...], str] = {

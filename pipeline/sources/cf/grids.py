@@ -23,7 +23,8 @@ _CURVED = re.compile(r"(glam|gphi)[tuvf]")
 # Names of the corners of cells, where no attribute says so.
 _CORNERS = re.compile(r"nv|element|ele|triangles|tri|.*_?face_nodes")
 # Beginnings of the names of dimensions along a grid's own x and y.
-_ALONG_X, _ALONG_Y = ("xi", "x", "i", "nx", "lon"), ("eta", "y", "j", "ny", "lat")
+_ALONG_X = ("xi", "x", "i", "nx", "lon")
+_ALONG_Y = ("eta", "y", "j", "ny", "lat")
 # Largest number of points: an ocean at 1/12 degree has 13 million.
 _MAX_POINTS = 20_000_000
 # Least number of corners of a cell, and the largest that is taken for one.

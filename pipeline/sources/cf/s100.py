@@ -29,7 +29,8 @@ _VARIABLES: Mapping[str, Mapping[str, str]] = {
 }
 _FEATURES = ("SurfaceCurrent", "WaterLevel", "BathymetryCoverage")
 # Coding formats that are read: a regular grid, and points in any order.
-_REGULAR, _POINTS = 2, 3
+_REGULAR = 2
+_POINTS = 3
 _FORMATS = {1: "fixed stations", 4: "a moving platform", 8: "fixed stations"}
 # Where the first value of a regular grid is, and how the values run: to the east first.
 _SCAN = ("longitude,latitude", "easting,northing", "x,y")

@@ -47,6 +47,8 @@ def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:
     assert taken.pop("distinct_by") == 0.0
     # Of an hour in all scenarios.
     assert taken.pop("min_lateness") == 0.0
+    # It moves a scenario's stops before there is a plan.
+    assert options.pop("snap") == 0.0
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
@@ -183,7 +185,7 @@ def test_changing_currents_are_planned_at_true_scale() -> None:
 
 def test_the_planners_ranges_are_those_of_plan() -> None:
     for name, field in PlannerOptions.model_fields.items():
-        if name == "clearance":  # its range is that of a type, beside None
+        if name in {"clearance", "snap"}:  # a type's range, beside None; no option of plan()
             continue
         limits = {
             key: getattr(one, key)

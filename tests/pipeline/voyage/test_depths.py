@@ -80,7 +80,7 @@ def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
         pipeline.go(
             (-40.005, 35.03), GOAL, **FIGURES, draught="2m",
             currents=("still",), charts=chart, depths=depth_grid(tmp_path / "depths.nc"),
-            output=tmp_path / "outputs",
+            output=tmp_path / "outputs", snap_m=0.0,
         )  # fmt: skip
     (fault,) = caught.value.faults
     assert fault.startswith("start = [-40.005, 35.03] lies on land or water too shallow")

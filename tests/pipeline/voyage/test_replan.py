@@ -24,7 +24,7 @@ from pipeline.model import ReplanFigures
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.voyage.readers import read_position
+from pipeline.voyage.positions import read_position
 from pipeline.voyage.request import UnderWayRequest
 from pipeline.voyage.under_way import under_way_scenario
 from tests.pipeline.results import result_of

@@ -122,7 +122,8 @@ def test_the_passage_is_what_the_bridge_steers(package: Path, result: RunResult)
             )
             at = np.stack([mine.geometry.x, mine.geometry.y], axis=-1)
             assert at == pytest.approx(points.lonlat)
-            assert mine.name.tolist()[:2] == ["Start", "WP02" if len(at) > 2 else "Goal"]
+            assert mine.name.tolist() == list(points.names)
+            assert mine.name.tolist()[0] == f"S01-{points.ranked.rank}"
             assert mine.sequence.tolist() == list(range(1, len(at) + 1))
             assert areas.sequence.tolist() == mine.sequence.tolist()[:-1]
             assert areas.port_m.tolist() == points.port_m[:-1].tolist()

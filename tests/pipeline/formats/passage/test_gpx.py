@@ -91,8 +91,9 @@ def test_gpxpy_reads_every_route_with_its_waypoints(any_run: RunResult, tmp_path
         apart = at - points.lonlat
         apart[:, 0] = (apart[:, 0] + 180) % 360 - 180
         assert np.abs(apart).max() < 2e-8
-        assert route.points[0].name == f"{season} {points.ranked.rank} Start"
-        assert route.points[-1].name == f"{season} {points.ranked.rank} Goal"
+        assert route.points[0].name == f"S01-{points.ranked.rank}"
+        assert tuple(point.name for point in route.points) == points.names
+        assert (route.points[-1].description or "").startswith(f"{route.name}: ")
         assert f"course {points.course_deg[0]:05.1f}°" in (route.points[0].description or "")
 
 
@@ -137,7 +138,7 @@ def test_gpx_gives_opencpn_speeds_and_departure(
     found = case_waypoints(any_run.case(any_run.results[0].name))
     for route, points in zip(etree.parse(path).iter(f"{NAMESPACE}rte"), found, strict=True):
         extensions = {child.tag.removeprefix(OPENCPN): child.text for child in route[3]}
-        assert (extensions["start"], extensions["end"]) == ("Start", "Goal")
+        assert (extensions["start"], extensions["end"]) == (points.names[0], points.names[-1])
         hours = points.time_s[-1] / 3600
         assert float(extensions["planned_speed"]) * hours * 1852 == pytest.approx(
             points.length_m[:-1].sum(), rel=1e-4

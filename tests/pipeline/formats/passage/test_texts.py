@@ -264,9 +264,18 @@ def test_times_are_in_utc_and_whole_seconds() -> None:
 
 def test_waypoints_are_named_by_their_position_and_via_points_as_such() -> None:
     places = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 2.0], [4.0, 0.0]])
-    assert waypoint_names(places, np.empty((0, 2))) == ("Start", "WP02", "WP03", "Goal")
+    assert waypoint_names(places, np.empty((0, 2)), 1) == ("S01-1", "W02-1", "W03-1", "G04-1")
     # Positions of waypoints are rounded to a millimetre.
-    assert waypoint_names(places, np.array([[3.001, 2.0]])) == ("Start", "WP02", "WP03 via", "Goal")
+    assert waypoint_names(places, np.array([[3.001, 2.0]]), 12)[2] == "V03-12"
+
+
+def test_no_name_is_cut_by_a_plotter_that_keeps_six_characters() -> None:
+    places = np.column_stack([np.arange(150.0), np.zeros(150)])
+    names = [
+        name for rank in range(1, 17) for name in waypoint_names(places, np.empty((0, 2)), rank)
+    ]
+    assert max(map(len, names)) == 6
+    assert len(set(names)) == len(names)
 
 
 def test_limits_are_a_mile_at_most_and_due_north_is_000() -> None:
