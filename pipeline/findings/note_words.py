@@ -223,6 +223,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "longitude, and {count:was|were} taken to cross 180 degrees there",
     "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
     "repaired (rings that cross or touch themselves)",
+    "chart-not-near": "{source} has nothing near the region",
     "chart-no-go": "no-go: all water except where the chart gives a depth of "
     "{safety_depth_m:g} m or more (draught plus under-keel clearance, at chart datum, without "
     "tide)",

@@ -8,7 +8,7 @@ import csv
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import assert_never
@@ -45,8 +45,14 @@ def charted_land(scenario: Scenario) -> LandSource:
 def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_TIDE) -> LandSource:
     """Return all of a chart's sources as one; a chart with depths needs the draught, with squat."""
     from pipeline.sources.combined_charts import Overlay
+    from pipeline.sources.land.vector import VectorFile
 
     sources = tuple(_single_source(source, chart, draught_m, tide) for source in chart.source)
+    if not all(isinstance(source, VectorFile) for source in sources):
+        sources = tuple(
+            replace(source, is_addition=True) if isinstance(source, VectorFile) else source
+            for source in sources
+        )
     overlay = Overlay(sources, _refused_m(sources))
     if not chart.depths:
         return overlay

@@ -66,13 +66,13 @@ def go(
     currents: Sequence[str | Path] = (),
     current_variables: str | Sequence[str] = "",
     via: Sequence[str | tuple[float, float]] = (),
-    avoid: Sequence[Path] = (),
+    avoid: Sequence[str | Path] = (),
     havens: Path | None = None,
     within: str = "",
     endurance: str = "",
     clearance_m: float | None = None,
     snap_m: float = SNAP_M,
-    charts: Path | None = None,
+    charts: str | Path | Sequence[str | Path] = (),
     depths: Path | None = None,
     datum: str = "",
     tide: Sequence[str | Path] = (),
@@ -207,14 +207,14 @@ def _given(**entries: object) -> dict[str, Any]:
 def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
     """Return the tables of a scenario that name files: chart, areas to avoid, havens and tide."""
     chart = _given(
-        source=request.charts and {"path": str(request.charts)},
+        source=list(request.charts),
         depths=request.depths and str(request.depths),
         datum=request.datum,
     )
     limits = _given(within=request.within, endurance=request.endurance)
     return _given(
         chart=chart,
-        avoid=[{"path": str(path)} for path in request.avoid],
+        avoid=list(request.avoid),
         havens=request.havens and {"path": str(request.havens), **limits},
         tide=request.tide and {"stations": list(request.tide)},
     )

@@ -16,6 +16,7 @@ from pipeline.voyage.positions import EXAMPLES, Position, read_end, read_positio
 from pipeline.voyage.readers import (
     RANGE,
     dimension_m,
+    read_charts,
     read_clearance_m,
     read_currents,
     read_members,
@@ -26,6 +27,7 @@ from pipeline.voyage.readers import (
     read_vessel,
     readable,
     speed_or_range,
+    vector_file,
     zoned_time,
 )
 from pipeline.voyage.table import Asker, Option, each, read, read_folder
@@ -189,15 +191,18 @@ class VoyageRequest:
         ),
     ] = ()
     avoid: Annotated[
-        tuple[Path, ...],
+        tuple[dict[str, Any], ...],
         _limits(
             kind="file",
-            read=each(readable("give a vector file, such as GeoJSON")),
+            read=each(
+                vector_file("give a vector file, such as GeoJSON", ("layer", "crs", "radius"))
+            ),
             most=_MAX_FILES,
             metavar="FILE",
             layer="polygon",
             label="Shut areas, a vector file",
-            help="GeoJSON or other vector file of areas that no route may enter; may be repeated.",
+            help="GeoJSON or other vector file of areas that no route may enter; may be repeated. "
+            "'FILE,layer=NAME', ',crs=EPSG:4326' and ',radius=50m' as for {charts}.",
         ),
     ] = ()
     havens: Annotated[
@@ -250,15 +255,20 @@ class VoyageRequest:
         ),
     ] = SNAP_M
     charts: Annotated[
-        Path | None,
+        tuple[dict[str, Any], ...],
         _water(
             kind="file",
-            read=readable("give a vector file, or a folder of S-57 cells"),
+            read=read_charts,
+            most=_MAX_FILES,
+            metavar="FILE",
             layer="polygon",
             label="Land, a vector file",
-            help="A vector file or a folder of S-57 cells, in place of the chosen chart.",
+            help="A vector file or a folder of S-57 cells, in place of the chosen chart; may be "
+            "repeated, also with osm-land, the world's land: what one of them shuts is shut. "
+            "'FILE,layer=NAME', ',crs=EPSG:4326', ',radius=50m' (around its points and lines) and "
+            "',accuracy=5m' say what the file does not.",
         ),
-    ] = None
+    ] = ()
     depths: Annotated[
         Path | None,
         _water(

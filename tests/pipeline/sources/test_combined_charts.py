@@ -113,10 +113,10 @@ def test_a_file_on_top_of_openstreetmap(tmp_path: Path) -> None:
 
 def test_the_command_lines_chart_replaces_the_scenarios(tmp_path: Path) -> None:
     file = write(tmp_path / "rocks.geojson", ROCK)
-    scenario = load_scenario("palawan-season", charts=file)
+    scenario = load_scenario("palawan-season", charts=[{"path": str(file)}])
     assert [one.path for one in scenario.chart.source] == [str(file)]
     with pytest.raises(RequestError, match=r"none\.gpkg' does not exist"):
-        load_scenario("palawan-season", charts=tmp_path / "none.gpkg")
+        load_scenario("palawan-season", charts=[{"path": str(tmp_path / "none.gpkg")}])
 
 
 @pytest.mark.parametrize(
