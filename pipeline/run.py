@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from pipeline._types import FloatArray
 from pipeline.errors import LateFaults, NoWayError, PipelineError, StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
@@ -198,12 +199,24 @@ def run(
         return Outcome(result.value, held.directory, fresh, took, late)
 
 
-def prepare(scenario: Scenario, output: Path, *, offline: bool = False) -> None:
-    """Do what a run does before it plans, for a scenario without a region; the store keeps it."""
+def prepare(
+    scenario: Scenario,
+    output: Path,
+    *,
+    offline: bool = False,
+    holding: FloatArray | None = None,
+    on_event: EventHandler = ignore,
+) -> tuple[Chosen, Artefact[SimplifiedLand]]:
+    """Do what a run does before it plans, for a scenario without a region; the store keeps it.
+
+    The region also holds a line `holding` (n, 2), degrees, as far as the currents reach.
+    """
     with session(scenario.name, output) as held, ThreadPoolExecutor(1) as beside:
         region = chosen_region(scenario, held.store, offline=offline)
-        stages = _Stages(held.store, beside, ignore, lambda: None, offline)
-        stages.chosen(region.complete(scenario), region.notes)
+        if holding is not None:
+            region = region.with_line(holding)
+        stages = _Stages(held.store, beside, on_event, lambda: None, offline)
+        return stages.chosen(region.complete(scenario), region.notes)
 
 
 @contextlib.contextmanager

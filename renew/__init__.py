@@ -29,6 +29,7 @@ from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.contingency import Contingency, Tightest, contingency, tightest
+from renew.underway.assess import AssessedPath, assess
 from renew.underway.cover import cover
 from renew.underway.replan import Replanned, TurnOff, replan
 from renew.underway.survey import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch
@@ -41,6 +42,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ArrivalError",
+    "AssessedPath",
     "Chart",
     "ClassTurn",
     "Constant",
@@ -84,6 +86,7 @@ __all__ = [
     "VaryingCurrent",
     "Vessel",
     "ViaInNoGoError",
+    "assess",
     "contingency",
     "cover",
     "fuel",

@@ -38,6 +38,7 @@ NOT_RUN = re.compile(r"<!-- not run: [^\n]+ -->\n$")
 # Pages whose commands a slow test runs.
 RUN = (
     "docs/gallery.md",
+    "docs/how-to/check-route.md",
     "docs/how-to/copernicus.md",
     "docs/how-to/departure.md",
     "docs/how-to/own-chart.md",

@@ -15,35 +15,35 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_421, 27),
-    "pipeline": (1_105, 12),
-    "pipeline/cli": (2_408, 6),
-    "pipeline/findings": (3_336, 15),
-    "pipeline/formats": (7_840, 15),
-    "pipeline/geo": (801, 4),
+    "renew": (1_430, 27),
+    "pipeline": (1_118, 12),
+    "pipeline/cli": (2_616, 6),
+    "pipeline/findings": (3_530, 17),
+    "pipeline/formats": (7_841, 15),
+    "pipeline/geo": (845, 4),
     "pipeline/machine": (1_628, 10),
-    "pipeline/model": (1_422, 34),
+    "pipeline/model": (1_468, 34),
     "pipeline/nightly": (3_619, 28),
-    "pipeline/scenario": (2_559, 36),
-    "pipeline/serve": (1_477, 9),
-    "pipeline/sources": (9_464, 42),
-    "pipeline/stages": (4_653, 13),
-    "pipeline/voyage": (1_883, 5),
+    "pipeline/scenario": (2_558, 36),
+    "pipeline/serve": (1_484, 9),
+    "pipeline/sources": (9_501, 42),
+    "pipeline/stages": (4_666, 13),
+    "pipeline/voyage": (2_350, 9),
     "renew/bounds": (1_586, 8),
-    "renew/classes": (2_390, 14),
+    "renew/classes": (2_396, 14),
     "renew/inputs": (2_054, 23),
     "renew/kernels": (2_044, 18),
     "renew/paths": (1_804, 9),
-    "renew/planner": (2_861, 9),
+    "renew/planner": (2_864, 9),
     "renew/steering": (889, 1),
     "renew/turns": (1_569, 13),
-    "renew/underway": (1_907, 11),
+    "renew/underway": (2_094, 12),
     "renew/vary": (1_817, 9),
     "renew/voyage": (750, 5),
 }
-MOST_FILES = 211
+MOST_FILES = 216
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (55, 523)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (56, 526)}
 
 
 def modules(room: str) -> dict[Path, str]:

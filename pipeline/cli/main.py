@@ -172,6 +172,46 @@ def go(
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
 
 
+# What a route of one's own leaves open, or says itself.
+_OF_A_PLAN = (
+    "start", "goal", "via", "until", "arrive_by", "havens", "within", "endurance", "members",
+    "explain_gap", "strict",
+)  # fmt: skip
+
+
+@app.command("check-route", cls=options.Command)
+@options.with_options(VoyageRequest, without=_OF_A_PLAN)
+def check_route(
+    file: Annotated[Path, typer.Argument(help="A route in GPX, RTZ or GeoJSON; its first route.")],
+    *,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+    **given: Any,  # noqa: ANN401 - the options of a voyage
+) -> None:
+    """Say what a route of yours costs in fuel and time, and whether it is safe.
+
+    Beside it stand the least-fuel route of its own side, and the best of all. A departure that is
+    left out is the one that the file states. Exits with 1 if the route crosses land or a
+    shut area.
+    """
+    with reported_errors():
+        from pipeline.cli.checking import print_check
+        from pipeline.cli.reporting import progress
+        from pipeline.voyage.check import check_route as checked
+        from pipeline.voyage.one_line import voyage_scenario
+        from pipeline.voyage.route_file import read_route
+
+        route = read_route(file)
+        start, goal = route.ends
+        if not given["depart"] and not given["month"] and route.points[0].time:
+            given["depart"] = route.points[0].time
+        request = read_voyage({**given, "start": start, "goal": goal}, "command")
+        asked = voyage_scenario(request)
+        with progress(*asked, quiet=quiet, as_json=as_json) as on_event:
+            run, found = checked(request, asked, route, on_event)
+        print_check(run, found, route, request.depart, as_json=as_json)
+
+
 @app.command(cls=options.Command)
 def serve(
     *,

@@ -206,7 +206,13 @@ def warm() -> str:
     started = time.perf_counter()
     number = 0
     if not _compiled.has_all():
-        from renew.warming import REHEARSALS, rehearse  # importing this loads some code
+        from pipeline.machine.workers import first_compilation
+
+        with (
+            first_compilation() as finish
+        ):  # before the import below, which compiles a little itself
+            finish()
+        from renew.warming import REHEARSALS, rehearse
 
         with _counted_compilations() as compiled, progress_bar("Compiling") as bar:
             task = bar.add_task("starting", total=len(REHEARSALS), completed=-1)
@@ -216,7 +222,7 @@ def warm() -> str:
         _compiled.note_all()
     size = sum(file.stat().st_size for file in folder.iterdir()) / _MB
     seconds = time.perf_counter() - started
-    done = f"Compiled {number:,} functions" if number else "Nothing had to be compiled"
+    done = "Compiled everything" if number else "Nothing had to be compiled"
     text = f"{done} ({seconds:.1f} s); machine code for "
     text += f"{_compiled.processor()} in {folder} ({size:.1f} MB)"
     if _compiled.cache_is_temporary():

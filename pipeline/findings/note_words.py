@@ -186,6 +186,12 @@ def _crossing(length_m: float, place: Place, routes: Sequence[int]) -> str:
     return f"{length_m:,.0f} m at {place.text} on {named}"
 
 
+def _strait_shut(place: Place, beside: Sequence[str], width_m: float, needed_m: float) -> str:
+    land = f", beside {' and '.join(beside)}" if beside else ""
+    width, needed = text.distance(width_m), text.distance(needed_m)
+    return f"the one at {place.text}{land}, which is {width} wide where {needed} are needed"
+
+
 def _current_lacking(share: float, distance_m: float) -> str:
     return (
         f"the current has no data for {f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the "
@@ -375,8 +381,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "strait-unresolved": "the strait at {place} is {width_m:distance} wide, and a cell of the "
     "current is {cell_m:distance} wide: the tide in the strait is not resolved, and may run harder "
     "and turn at another time than planned",
-    "straits-shut": "{count:strait is|straits are} shut by margin or padding; the widest, at "
-    "{widest}, is {width_m:distance} wide, and {needed_m:distance} are needed",
+    "strait-shut": _strait_shut,
+    "straits-shut": "{count:strait is|straits are} shut by margin or padding; a way would be "
+    "{saves:.0%} shorter in time than the best way round, both without padding, through "
+    "{straits:, through /3/ and through # more}",
     "unlisted-land": "OpenStreetMap has land where routes cross water of this chart; check these "
     "places on an official chart: {crossings:; /8/; and # shorter}",
     "waits-at-anchor": lambda place, begin, until: (
@@ -414,19 +422,19 @@ def _rejection(case: RunCase, rejected: renew.Rejected) -> dict[str, object]:
             note_value(case.case.moment(moment.seconds))
             for moment in rejected.text.values_of(Moment)
         ],
-        "lengths_m": [
-            water.projection.scale * length.metres for length in rejected.text.values_of(Length)
-        ],
+        "lengths_m": [water.true_m(length) for length in rejected.text.values_of(Length)],
         "strait": None if rejected.strait is None else _strait(water, rejected.strait),
     }
 
 
 def _strait(water: Water, strait: Strait) -> dict[str, object]:
-    """Return the gap that padding fills: its banks, width and both paddings, true metres."""
-    scale = water.projection.scale
+    """Return the gap that padding fills: its shores, width and both paddings, true metres."""
+    scale, shores = water.projection.scale, water.shores(strait.gap)
     return {
-        "banks": [note_value(water.place(bank)) for bank in strait.gap],
-        "width_m": water.projection.geodesic_length_m(strait.gap),
+        "banks": [
+            note_value(water.place(bank)) for bank in (strait.gap if shores is None else shores)
+        ],
+        "width_m": water.width_m(strait.gap),
         "padding_left_m": strait.padding_left * scale,
         "padding_right_m": strait.padding_right * scale,
     }

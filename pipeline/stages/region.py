@@ -35,6 +35,8 @@ from pipeline.stages.water_grid import (
     MAX_WIDTH,
     DirectLine,
     choose_region,
+    rounded_outward,
+    widened_by,
 )
 
 # Smallest margin of a region around its stops, degrees (about 100 m).
@@ -273,6 +275,16 @@ class ChosenRegion:
     sources: tuple[str, ...]
     direct: DirectLine
     notes: tuple[Note, ...] = ()
+
+    def with_line(self, line: FloatArray) -> "ChosenRegion":
+        """Return the region, widened by its margin if a line (n, 2), degrees, is near its edge."""
+        if not sides_near(self.bounds, [line], self.direct.margin_m):
+            return self
+        around = rounded_outward(widened_by(bounds_of(line), self.direct.margin_m))
+        wider = common_bounds(bounds_of([self.bounds, around]), self.limits) or self.bounds
+        (note,) = self.notes
+        values = tuple((key, wider if key == "bounds" else one) for key, one in note.values)
+        return replace(self, bounds=wider, notes=(replace(note, values=values),))
 
     def complete(self, scenario: Scenario) -> Scenario:
         """Return the scenario with this region."""

@@ -26,7 +26,8 @@ _SPELLINGS = str.maketrans(
     | dict.fromkeys("/|&", " , ")
     | dict.fromkeys("()[]{}", " ")
 )
-_LAT, _LON = (rf"(?P<{axis}>{_NUMBER})" for axis in ("lat", "lon"))
+_LAT = rf"(?P<lat>{_NUMBER})"
+_LON = rf"(?P<lon>{_NUMBER})"
 # Notations whose standard says which figure is the latitude, in capitals. In the address of a map
 # a marked place comes before the middle of what is shown, which panels beside a place push away.
 _STANDARDS = tuple(
@@ -76,13 +77,8 @@ _OTHER_WAYS = tuple(
 )
 # Figures without a gap: DDMM.m and DDMMSS.s of latitude, DDDMM.m and DDDMMSS.s of longitude.
 _PACKED = r"({degrees})([0-5]\d)([0-5]\d)?(\.\d*)?(?![\d.])"
-_PACKED_BEFORE, _PACKED_AFTER = (
-    tuple(
-        re.compile(form.format(_PACKED.format(degrees=rf"\d{{{digits}}}"), letters=letters))
-        for digits, letters in ((2, "NS"), (3, "EW"))
-    )
-    for form in (r"(?<=[{letters}])\s*{0}", r"(?<![\d.]){0}(?=\s*,?\s*[{letters}])")
-)
+_LETTERS_BEFORE = r"(?<=[{letters}])\s*{0}"
+_LETTERS_AFTER = r"(?<![\d.]){0}(?=\s*,?\s*[{letters}])"
 # A comma before the letter, as NMEA 0183 has it: 4807.038,N.
 _COMMA_BEFORE = re.compile(r"(?<=\d),(?=[NSEW])")
 # A hyphen between two numbers, as in "6-08S": on nautical charts it separates degrees and minutes.
@@ -203,9 +199,13 @@ def _plain(typed: str) -> str:
     if _LETTERS.search(plain):
         plain = _COMMA_BEFORE.sub("", re.sub("[XY]", "", plain)).strip()
         plain = _COMMA.sub(".", _HYPHEN.sub(" ", plain))
-        for packed in _PACKED_BEFORE if plain[0] in _AXIS else _PACKED_AFTER:
-            plain = packed.sub(
-                lambda one: " ".join(filter(None, one.group(1, 2, 3))) + (one[4] or ""), plain
+        form = _LETTERS_BEFORE if plain[0] in _AXIS else _LETTERS_AFTER
+        for degrees, letters in ((r"\d\d", "NS"), (r"\d{3}", "EW")):
+            packed = form.format(_PACKED.format(degrees=degrees), letters=letters)
+            plain = re.sub(
+                packed,
+                lambda one: " ".join(filter(None, one.group(1, 2, 3))) + (one[4] or ""),
+                plain,
             )
     return _DECIMAL_COMMAS.sub(r"\1.\2.\3", plain)
 

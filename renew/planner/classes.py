@@ -434,7 +434,8 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         return [Text(f"{what} would leave one, {{0}}", (_description(planner.route(search.best)),))]
 
     stops = [problem.triangulation.locate(stop) for stop in problem.voyage.stops]
-    gap = min(widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
+    gaps = (widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
+    widths = [Length(math.dist(*gap), gap) for gap in gaps if gap is not None]
     remedies = list[Text]()
     if not isinstance(options.padding, str) and options.padding > 0:
         remedies += planned_with('padding = "adaptive"', padding="adaptive")
@@ -447,7 +448,9 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         fixed = {"padding": float(safe), "clearance": 0.0, "risk_at": "route"}
         remedies += planned_with(f"padding = {safe} (planar m)", **fixed)
     none = Text("no other risk or padding was found that leaves one")
-    return [Text("the widest way through has a gap of {0}", (Length(gap),)), *(remedies or [none])]
+    narrowest = sorted(widths, key=lambda width: width.metres)[:1]
+    said = [Text("the widest way through has a gap of {0}", (width,)) for width in narrowest]
+    return [*said, *(remedies or [none])]
 
 
 def _least_risk(route_with: Callable[..., Route | None], low: float) -> float | None:

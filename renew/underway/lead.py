@@ -251,7 +251,7 @@ def _led_out(
     ahead = way_ahead(route.path, place, there.problem.voyage)
     if ahead is None:
         raise InfeasibleError("no straight leg leads from {0} back to its route", exit_point)
-    return rows, there.route(_follow(there, ahead)), there
+    return rows, there.route(follow(there, ahead)), there
 
 
 def _way_out(route: Route, planner: ClassPlanner) -> FloatArray | None:
@@ -292,7 +292,7 @@ def _turned(path: FloatArray, planner: ClassPlanner, heading: float) -> tuple[Fl
         if best is not None and _arrival(best) <= arc.arrival + _LATE * voyage.vessel.turn_period:
             break
         try:
-            again = _follow(_onwards(planner, arc.rows[-1]), arc.way).path
+            again = follow(_onwards(planner, arc.rows[-1]), arc.way).path
         except InfeasibleError:
             continue
         again = np.vstack([voyage.start, again[1:]])
@@ -441,7 +441,7 @@ def _searched(
     kept: ClassPath | None = None
     if ahead is not None:
         try:
-            kept = _follow(planner, ahead, is_proven=is_proven, track=track)
+            kept = follow(planner, ahead, is_proven=is_proven, track=track)
         except InfeasibleError as error:
             channel = channel_along(ahead, planner.problem)
             if channel is not None:
@@ -466,7 +466,7 @@ def _searched(
     return search
 
 
-def _follow(
+def follow(
     planner: ClassPlanner,
     ahead: FloatArray,
     *,

@@ -61,6 +61,7 @@ def test_the_side_on_which_a_path_passes(
     assert palawan.side(palawan.result.water.projection.to_plane(lonlat)) == side
 
 
+@pytest.mark.slow
 def test_at_the_papers_scale_the_side_flips_on_a_chart_of_its_size_only(
     palawan: Environment,
 ) -> None:

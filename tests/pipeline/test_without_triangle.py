@@ -19,6 +19,7 @@ def rows(output: Path, scenario: str) -> dict[tuple[str, str], dict[str, str]]:
         return {(row["season"], row["homotopy"]): row for row in csv.DictReader(file)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scenario", ["single-gyre", pytest.param("palawan-season", marks=pytest.mark.slow)]
 )

@@ -160,7 +160,7 @@ def test_a_manifest_that_names_files_elsewhere_takes_none_of_them_away(
     assert (tmp_path / "mine.txt").read_text() == "the user's own"
 
 
-@pytest.mark.gate_share(5)
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("name", [n for n in FILES if "winter" not in n and "manifest" not in n])
 def test_every_format_reports_a_full_disk(
     result: RunResult, written: Path, tmp_path: Path, name: str

@@ -139,6 +139,7 @@ def test_turns_early_on_time_and_late_are_clear(seed: int) -> None:
         assert flown.collisions == 0
 
 
+@pytest.mark.slow
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_steady_current_in_two_equal_slices_is_the_same_current(seed: int) -> None:

@@ -91,6 +91,7 @@ def test_plans_survive_pickling_though_a_current_may_not() -> None:
         assert pickle.loads(pickle.dumps(again)).best.fuel == plan.best.fuel  # noqa: S301
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("distinct_by", [0.0, "auto"])
 def test_a_route_keeps_no_roadmap_and_a_plan_is_freed_without_a_search_for_cycles(
     distinct_by: DistinctBy,

@@ -87,7 +87,7 @@ def test_an_area_is_passed_while_it_is_open_and_gone_around_while_it_is_shut(
         assert found.best.fuel_bound.value <= 160.0
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 2, 4])
 @pytest.mark.parametrize("shift", [0.0, 60.0, 110.0])
 def test_no_route_of_a_moving_scene_is_in_a_shut_area_early_on_time_or_late(

@@ -199,7 +199,7 @@ def test_hours_of_low_and_enough_water_fill_the_time_and_hold_what_they_say(
     assert (spare[is_low] < 0.05).all()
 
 
-@pytest.mark.gate_share(4)
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("seed", range(20))
 def test_no_passage_and_no_turn_is_over_too_little_water(seed: int) -> None:
     scene = tidal_scene(seed)
@@ -224,7 +224,7 @@ def test_a_route_at_another_hour_would_be_over_too_little_water() -> None:
     assert low > 0
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", range(20))
 def test_fuel_is_near_that_of_an_oracle_whose_legs_the_tide_shuts(seed: int) -> None:
     scene = tidal_scene(seed)
@@ -240,7 +240,7 @@ def test_fuel_is_near_that_of_an_oracle_whose_legs_the_tide_shuts(seed: int) -> 
     assert best.fuel <= 1.005 * fuel or scene.is_in_time_for_water(path)
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", range(40))
 def test_a_higher_tide_is_never_dearer(seed: int) -> None:
     scene = tidal_scene(seed)

@@ -91,7 +91,7 @@ CLOCK = f"""{COUNTING}
     chosen = dict(speed=(0.9, 1.3), arrive_by=by, classes=1)
     found["speeds by the clock"] = number(waters, changing, *way, **chosen)
     before = len(recorder.buffer)
-    renew.plan_departures(waters, changing, PAPER_VESSEL, *way, [0.0, 5.0], **chosen)
+    renew.plan_departures(waters, changing, PAPER_VESSEL, *way, [5.0], **chosen)
     found["departures"] = len(recorder.buffer) - before
 {COUNTED}"""
 

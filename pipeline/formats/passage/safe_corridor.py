@@ -540,5 +540,6 @@ def _lower_to(limits: FloatArray, sides: _Sides, edges: shapely.STRtree) -> None
         first = np.arange(len(of)) - np.searchsorted(of, of) < _AT_ONCE
         of = of[first]
         parts = shapely.intersection(sides.areas[of], lines[order[first]])
-        np.minimum.at(limits, of, shapely.distance(parts, sides.lines[of]))
+        # An edge that only touches an area has no part inside, by rounding, and no distance.
+        np.fmin.at(limits, of, shapely.distance(parts, sides.lines[of]))
         order = order[~first]

@@ -177,6 +177,7 @@ def test_land_of_another_shoreline_is_reported(result: RunResult, tmp_path: Path
     assert "shoreline" not in winter
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("scale", [1.0, 1000.0])
 def test_no_words_lie_on_each_other(result: RunResult, tmp_path: Path, scale: float) -> None:
     """The facts above the table are longer at a scale; the map's own numbers may touch."""

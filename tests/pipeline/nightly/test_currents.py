@@ -151,6 +151,7 @@ def test_a_forecast_dated_in_the_future_blocks_nothing(
     assert re.search(refused, dated_ahead["reason"])
 
 
+@pytest.mark.slow
 def test_a_cycle_in_the_way_is_named_with_the_remedy(
     tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -147,6 +147,7 @@ def test_a_quantile_of_few_forecasts_is_refused(tmp_path: Path, cluster: str) ->
         run_night(config, scheduler=cluster)
 
 
+@pytest.mark.slow
 def test_a_case_with_members_equals_a_run_of_its_season(tmp_path: Path, cluster: str) -> None:
     file, members = plane_night(tmp_path, pairs=1), "{ spread = 0.1, eddy_km = 0.05, count = 6 }"
     scenario = tmp_path / "quick.toml"

@@ -121,7 +121,7 @@ with ending_promptly():
 """
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("what", ["Deaf(); time.sleep(30)", "import atexit; atexit.register(Deaf)"])
 def test_a_signal_in_a_destructor_leaves_no_traceback(number: int, what: str) -> None:

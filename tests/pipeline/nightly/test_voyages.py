@@ -68,6 +68,7 @@ def test_a_night_plans_voyages_under_way_again(tmp_path: Path, results: Path, cl
     assert not run_night(config, scheduler=cluster).fresh
 
 
+@pytest.mark.slow
 def test_a_switch_is_to_be_looked_at(tmp_path: Path, results: Path) -> None:
     config = load_config(night(tmp_path, results), tmp_path / "out")
     log(tmp_path, NORTH)

@@ -209,8 +209,7 @@ def outcome(asked: dict[str, Any], folder: Path) -> str:
     return f"failed: {'; '.join(done.failures)}" if done.failures else "planned"
 
 
-@pytest.mark.gate_share(3)
-@examples(gate=6, new=300)
+@examples(gate=4, new=300)
 @given(asked=drawn(off_boston))
 def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path
@@ -218,8 +217,7 @@ def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
     assert outcome(asked, folder) in {"planned", "refused"}
 
 
-@pytest.mark.gate_share(3)
-@examples(gate=6, new=300)
+@examples(gate=4, new=300)
 @given(asked=drawn(in_a_plane))
 def test_a_voyage_in_a_plane_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path
@@ -274,6 +272,7 @@ def planned(folder: Path, season: dict[str, Any], **changes: object) -> RunResul
         return found
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("members", [{}, {"members": SPREAD}])
 def test_a_departure_of_a_window_is_planned_as_one_that_is_given(
     folder: Path, members: dict[str, Any]
@@ -305,6 +304,7 @@ def test_of_a_window_the_best_departure_that_arrives_in_time_is_taken(folder: Pa
         planned(folder, {"departures": late, "arrive_by": time(10)})
 
 
+@pytest.mark.slow
 def test_a_way_to_a_haven_keeps_out_of_an_area_that_is_always_shut(folder: Path) -> None:
     area = shapely.box(-71.0275, 42.337, -71.0225, 42.3385)
     (folder / "always.geojson").write_text(shapely.to_geojson(area))
@@ -321,6 +321,7 @@ def test_a_way_to_a_haven_keeps_out_of_an_area_that_is_always_shut(folder: Path)
     assert max(ways["shut"]) == 0
 
 
+@pytest.mark.slow
 def test_the_way_to_an_anchorage_is_taken_off_the_endurance(folder: Path) -> None:
     via = [{"at": ANCHORAGE, "wait": "1h"}]
     season = {"departure": time(0)}

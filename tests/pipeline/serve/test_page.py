@@ -92,6 +92,7 @@ def test_a_voyage_is_planned_shown_downloaded_and_there_again_after_a_reload(
     assert popup.value.evaluate("self.origin") == "null"  # it is shut in
 
 
+@pytest.mark.slow
 def test_distances_are_in_nautical_miles_if_asked_for(
     open_page: Open, planned: dict[str, Any]
 ) -> None:
@@ -192,6 +193,7 @@ def test_text_from_elsewhere_is_never_markup(open_page: Open, tmp_path: Path) ->
     assert page.locator("img, #plans script, #faults script").count() == 0
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 390])
 def test_axe_finds_nothing_serious(

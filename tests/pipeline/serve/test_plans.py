@@ -231,13 +231,22 @@ def test_a_thousand_plans_at_once_are_refused_but_for_a_few(server: Server) -> N
     assert {server.state(one)["state"] for one in taken} == {"cancelled"}
 
 
-def test_a_voyage_is_prepared_and_another_one_need_not_wait_for_it(tmp_path: Path) -> None:
+def test_a_voyage_is_prepared(server: Server) -> None:
+    voyage = {**server.island(), "speed": "9kn"}
+    waters = server.output / ".artefacts" / "project"
+    before, plans = [*waters.glob("*")], server.ask("GET", "/api/plan").json
+    assert server.ask("POST", "/api/prepare", voyage).status == 204
+    wait_until(lambda: len([*waters.glob("*")]) > len(before))
+    assert server.ask("GET", "/api/plan").json == plans
+    assert server.ask("POST", "/api/prepare", {**voyage, "vessel": "none"}).status == 422
+
+
+@pytest.mark.slow
+def test_another_voyage_need_not_wait_for_one_that_is_prepared(tmp_path: Path) -> None:
     with serving(tmp_path / "outputs") as server:
         voyage = {**server.island(), "speed": "9kn"}
         assert server.ask("POST", "/api/prepare", voyage).status == 204
         wait_until(lambda: [*(server.output / ".artefacts").glob("project/*")])
-        assert server.ask("GET", "/api/plan").json == []
-        assert server.ask("POST", "/api/prepare", {**voyage, "vessel": "none"}).status == 422
         before = workers(server)
 
         def spare_one_takes_over() -> bool:

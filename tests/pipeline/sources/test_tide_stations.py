@@ -295,6 +295,7 @@ def way(begin: FloatArray, end: FloatArray, spit: shapely.Polygon) -> float:
     return min(found)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("spit", [SPIT, shapely.box(-1530, -2410, -1410, 3000)])
 def test_distances_are_those_of_the_shortest_way_round_a_spit(spit: shapely.Polygon) -> None:
     stations = np.array([WEST, EAST])

@@ -140,6 +140,7 @@ def scenario_of_text(text: str) -> Scenario:
     return parse_scenario(tomllib.loads(text))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_a_limit_that_is_not_reached_changes_nothing(tmp_path: Path) -> None:
     outcomes = [

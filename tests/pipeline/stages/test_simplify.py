@@ -439,6 +439,7 @@ def test_real_islands(busuanga: Land) -> None:
     assert not shapely.intersects(no_go, endpoints).any()
 
 
+@pytest.mark.slow
 def test_straits_of_the_cyclades_are_water() -> None:
     """Naxos–Donousa and Amorgos–Kinaros, 16 and 17 km wide, which became land once."""
     region = shapely.box(22.5, 35.0, 29.0, 38.5)

@@ -341,6 +341,7 @@ def test_each_file_has_the_hours_of_its_part(waited: Outcome) -> None:
         assert f"{begin:%Y-%m-%dT%H:%M:%SZ}" in manifest
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_the_written_scenario_gives_the_same_voyage(waited: Outcome, tmp_path: Path) -> None:
     again = run(load_scenario(str(waited.directory / "scenario.toml")), tmp_path)
@@ -397,6 +398,7 @@ def test_an_oracle_that_waits_at_that_node_does_not_arrive_earlier(waited: Outco
     assert float(onward["fuel"]) <= 1.005 * way_on(chosen)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_no_wait_at_all_changes_nothing(tmp_path: Path) -> None:
     given = [tmp_path / name for name in ("point", "anchorage")]
@@ -416,6 +418,7 @@ def test_no_wait_at_all_changes_nothing(tmp_path: Path) -> None:
         np.testing.assert_array_equal(same.trajectory, route.trajectory)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_a_vessel_leaves_before_its_anchorage_falls_dry(tmp_path: Path) -> None:
     found = voyage(tmp_path, {"at": ON_THE_BAR, "wait": "9h"}, HIGH)

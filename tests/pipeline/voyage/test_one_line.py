@@ -129,6 +129,7 @@ def test_speeds_are_chosen_in_the_current_of_a_month(
     assert any("chosen from leg to leg among 1–5 m/s" in choice for choice in outcome.choices)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_less_time_takes_more_fuel(within_hours: Callable[[float], Outcome]) -> None:
     fuels = [float(metrics(within_hours(hours).directory)[0]["fuel"]) for hours in (1.0, 0.8)]

@@ -95,6 +95,7 @@ def test_on_its_plan_the_vessel_sails_on_as_planned(voyage: Path, best: renew.Ro
     assert not found.has_new_current
 
 
+@pytest.mark.slow
 def test_a_plan_whose_departure_was_chosen_is_sailed_on(voyage: Path, tmp_path: Path) -> None:
     """Its scenario leaves the departure open, as the scenario that was run did."""
     file = sailing.copied(voyage, tmp_path / "copy") / "scenario.toml"
@@ -191,6 +192,7 @@ def test_endurance_counts_from_the_first_departure(voyage: Path, tmp_path: Path)
         under_way_scenario(replace(asked, time=datetime.fromisoformat("2026-11-22T08:30Z")))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_a_vessel_far_on_the_other_side_switches(voyage: Path) -> None:
     code, said, _ = asked_on_terminal(voyage, "--at", "119.035,9.545", "--time", TIME, "--json")

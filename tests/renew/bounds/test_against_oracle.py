@@ -52,7 +52,7 @@ def test_the_stored_fuels_are_those_of_the_oracle(seed: int) -> None:
     assert bounded_scene(seed).oracle() == pytest.approx(FUELS[seed], rel=1e-6)
 
 
-@pytest.mark.gate_share(8)
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("seed", [*NEAREST, *NARROW])
 def test_no_bound_is_above_the_oracle(seed: int) -> None:
     assert not is_above(seed)
@@ -63,6 +63,7 @@ def test_no_bound_of_all_scenes_is_above_the_oracle() -> None:
     assert [seed for seed in SEEDS if is_above(seed)] == []
 
 
+@pytest.mark.slow
 def test_rates_that_are_a_percent_too_low_are_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     def lowered(
         time: FloatArray, grid: TravelGrid, counts: BoolArray, low: float, top: float
@@ -87,6 +88,7 @@ def test_land_that_a_route_may_cross_is_caught(monkeypatch: pytest.MonkeyPatch) 
     assert all(is_above(one) for one in NARROW)
 
 
+@pytest.mark.slow
 def test_cells_dropped_that_a_better_route_may_cross_are_caught(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -163,6 +165,7 @@ def test_no_grid_path_to_a_haven_is_quicker_than_the_bound(seed: int, peak: floa
         assert (least >= 0.9 * np.minimum(times, MOST)).all()
 
 
+@pytest.mark.slow
 def test_in_a_current_that_changes_it_holds_for_any_departure() -> None:
     scene = moving_scene(4)
     bound = HavenBound.of(replace(scene, departure=0.0).voyage, MOST, 3 * MOST)

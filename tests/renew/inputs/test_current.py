@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from scipy.interpolate import RegularGridInterpolator
+from shapely import box
 
 import renew
 from renew._types import FloatArray
@@ -174,8 +175,8 @@ def _zero(times: FloatArray) -> float:
 
 def test_members_may_write_into_what_they_get() -> None:
     def planned(*members: object) -> renew.EnsemblePlan:
-        chart, start, goal = single_gyre().chart, np.array([10.0, 10.0]), np.array([90.0, 90.0])
-        return renew.plan_ensemble(chart, members, PAPER_VESSEL, start, goal, classes=2)  # type: ignore[arg-type]
+        chart, ends = renew.Chart(box(0, 0, 60, 60), [box(25, 20, 35, 40)]), ((10, 10), (50, 50))
+        return renew.plan_ensemble(chart, members, PAPER_VESSEL, *ends, classes=1)  # type: ignore[arg-type]
 
     weak = renew.UniformCurrent(0.1, 0.0)
     rude, polite = planned(_scribbling, weak), planned(_polite, weak)

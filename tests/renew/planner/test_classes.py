@@ -36,7 +36,9 @@ def test_a_blocked_class_names_its_strait_and_its_cost() -> None:
     assert np.sort(strait.gap[:, 0]) == pytest.approx([47, 53])
     assert "triangle" not in rejected.reason
     assert rejected.reason.startswith("blocked at (50, 45) m, between (")
-    assert "the gap is 6.00 m wide, and the padding takes 3.20 m on the left" in rejected.reason
+    assert (
+        "the gap is 6.00 m wide, and 6.40 m are needed, with 3.20 m on the left" in rejected.reason
+    )
     # A caller who knows longitude and latitude can spell the places in them.
     assert rejected.text.spelled(lambda place: f"<{place[0]:g}>").startswith("blocked at <50>")
     # The strait would be the short way: 80 m. The way round costs more because of the padding.
@@ -93,6 +95,7 @@ def test_where_a_clearance_blocks_all_the_largest_padding_is_suggested() -> None
     assert 2.7 < suggested < 3
 
 
+@pytest.mark.slow
 def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() -> None:
     with pytest.raises(renew.UnreachableError) as caught:
         renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
@@ -188,6 +191,7 @@ def test_islands_below_the_least_size_name_no_class() -> None:
     assert len(problem.enumerator(0.0).channels(20)) == 2
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("seed", [126, 322, 498])
 def test_finds_the_way_that_a_coarse_roadmap_misses(seed: int) -> None:
     """Thin walls, with the current from still to strong; without it: 41, 17 and 32 % dearer."""

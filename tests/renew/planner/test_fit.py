@@ -22,6 +22,7 @@ def collisions(scene: Scene[Any], route: renew.Route, seed: int) -> int:
     ).collisions
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("seed", [0, 1, 4, 18, 21])
 def test_padding_fitted_to_turns_costs_less_fuel_and_no_safety(seed: int) -> None:
     scene = random_scene(seed)
@@ -43,6 +44,7 @@ def strait(width: float, current: tuple[float, float], **options: Any) -> renew.
     return renew.plan(chart, renew.UniformCurrent(*current), PAPER_VESSEL, *ends, **options)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("along", [0.4, -0.4])
 def test_a_strait_is_passed_once_both_turning_circles_have_room(along: float) -> None:
     # A current along a strait moves no turn towards its banks, whatever its padding for turns on
@@ -63,6 +65,7 @@ def test_a_strait_that_no_padding_leaves_open_is_passed_across_the_current() -> 
     assert math.isfinite(plan.best.clearance)
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("seed", range(6))
 def test_asking_for_more_classes_or_more_risk_never_loses_the_best_way(seed: int) -> None:
     scene = random_scene(seed)

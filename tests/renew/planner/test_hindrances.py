@@ -210,6 +210,7 @@ def test_pieces_of_shores_stand_out_of_the_padding_for_turns() -> None:
     assert (pieces[:, 4] > used[:, 4].min()).all()
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 @examples(2, 5)
 def test_among_skerries_a_way_is_found_where_one_is_without_clearance(seed: int) -> None:

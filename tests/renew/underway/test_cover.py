@@ -54,6 +54,7 @@ def on_track(route: renew.Route, time: float) -> FloatArray:
     return np.array([np.interp(time, track[:, 0], track[:, column]) for column in (1, 2)])
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("within", [20.0, 40.0])
 def test_what_is_claimed_along_a_route_in_a_gyre(
     gyre: Scene, covers: Callable[[float], renew.Coverage], within: float
@@ -84,6 +85,7 @@ def test_what_is_claimed_along_a_route_in_a_gyre(
     assert found.at((last.not_after + route.trajectory[-1, 0]) / 2).state == "uncovered"
 
 
+@pytest.mark.slow
 def test_who_is_late_keeps_the_endurance_and_finds_the_haven_open(gyre: Scene) -> None:
     route, chart, current = gyre
     begin, end, late = route.trajectory[0, 0], route.trajectory[-1, 0], 0.1
@@ -101,15 +103,18 @@ def test_who_is_late_keeps_the_endurance_and_finds_the_haven_open(gyre: Scene) -
         assert arrives <= way.haven.closes + 1e-6
 
 
-def test_the_endurance_gives_a_point_of_no_return(gyre: Scene) -> None:
-    route, chart, current = gyre
+def test_the_endurance_gives_a_point_of_no_return() -> None:
+    start, current = (20.0, 50.0), renew.UniformCurrent(0.2, 0.0)
+    chart = renew.Chart(box(0, 0, 200, 100), [box(90, 40, 100, 60)])
+    route = renew.plan(chart, current, PAPER_VESSEL, start, (180.0, 50.0), classes=1).best
+    haven_there = haven("north", 100, 85)
     found = renew.cover(
-        route, chart, current, PAPER_VESSEL, [NORTH_WEST], endurance=1.5 * route.fuel
+        route, chart, current, PAPER_VESSEL, [haven_there], endurance=1.5 * route.fuel
     )
     last = found.no_return
     assert last is not None
     back = last.diversion
-    assert math.dist(back.route.path[-1], START) < 1e-9
+    assert math.dist(back.route.path[-1], start) < 1e-9
     rate = PAPER_VESSEL.fuel_rate
     assert rate * (back.time - route.times[0]) + back.fuel <= 1.5 * route.fuel * (1 + 1e-9)
     assert back.time <= last.not_after
@@ -135,6 +140,7 @@ def turns_round(path: FloatArray, place: tuple[float, float]) -> int:
     return round(float(angles[-1] - angles[0]) / (2 * math.pi))
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("dearer_by", [0.02, 0.1])
 def test_up_to_a_last_place_the_vessel_can_change_to_each_other_class(dearer_by: float) -> None:
     islands = {(175.0, 105.0): box(150, 60, 200, 150), (270.0, 55.0): box(260, 40, 280, 70)}
@@ -235,9 +241,9 @@ def test_few_ways_cover_what_many_stations_were_needed_for(
 
 
 def test_the_way_to_a_haven_waits_until_it_opens() -> None:
-    chart, still = renew.Chart(box(0, 0, 400, 100)), renew.UniformCurrent(0.0, 0.0)
-    route = renew.plan(chart, still, PAPER_VESSEL, (20.0, 50.0), (380.0, 50.0)).best
-    open_late = haven("late", 200, 20, opens=route.duration * 0.8)
+    chart, still = renew.Chart(box(0, 0, 200, 100)), renew.UniformCurrent(0.0, 0.0)
+    route = renew.plan(chart, still, PAPER_VESSEL, (20.0, 50.0), (180.0, 50.0)).best
+    open_late = haven("late", 100, 20, opens=route.duration * 0.8)
     found = renew.cover(route, chart, still, PAPER_VESSEL, [open_late], within=120.0)
     for way in found.diversions:
         assert way.time + way.duration >= open_late.opens - 1e-9

@@ -141,6 +141,7 @@ def test_two_equal_slices_give_the_steady_plan(
         assert route.times[-1] == pytest.approx(same.times[-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_current_that_hardly_changes_gives_nearly_the_steady_plan() -> None:
     still, moved = (StreamFunctionCurrent(1, peak) for peak in (0.6, 0.6 * (1 + 1e-5)))
     chart, (start, goal) = renew.Chart(box(0, 0, 150, 150)), ((20.0, 30.0), (130.0, 120.0))

@@ -75,6 +75,7 @@ def test_equal_members_give_the_plain_plan() -> None:
     assert found.bound.of("cvar90") == pytest.approx(plain.best.fuel_bound.value)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("drift", ["crab", "projected"])
 def test_no_path_on_a_lattice_is_below_the_bounds(drift: Any) -> None:  # noqa: ANN401
     members, weights = gyre_members(4, 0.2, 6), np.array([0.1, 0.4, 0.3, 0.2])
@@ -116,6 +117,7 @@ def test_a_class_is_shut_in_a_member_whose_current_is_too_strong(along: float, r
     assert found.shares.sum() == pytest.approx(5 / 6)
 
 
+@pytest.mark.slow
 def test_members_that_change_are_sailed_by_their_own_clocks() -> None:
     times, fields = [0.0, 60.0, 150.0], gyre_members(6, 0.15, 8)
     members = [renew.VaryingCurrent(times, fields[at : at + 3]) for at in range(3)]

@@ -21,7 +21,7 @@ OPEN = renew.Chart(box(0, 0, 150, 150))
 START, GOAL = (20.0, 30.0), (130.0, 120.0)
 
 
-@pytest.mark.gate_share(5)
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("drift", ["projected", "crab"])
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 @pytest.mark.parametrize("seed", range(3))
@@ -106,6 +106,7 @@ def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
     assert np.array_equal(copied.trade_off.fuels, trade_off.fuels)
 
 
+@pytest.mark.slow
 def test_the_vessels_own_speed_alone_gives_the_same_routes() -> None:
     scene = random_scene(5)
     own = PAPER_VESSEL.speed

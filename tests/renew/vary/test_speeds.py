@@ -25,6 +25,7 @@ NIMBLE = renew.Vessel(speed=1.0, turn_rate=10.0, length=0.01)
 PERIOD, STRENGTH = 200.0, 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("seed", "exponent"), [(0, 2.0), (1, 3.0)])
 def test_no_share_of_the_time_between_the_ways_to_and_from_a_point_needs_less(
@@ -56,6 +57,7 @@ def test_no_share_of_the_time_between_the_ways_to_and_from_a_point_needs_less(
     assert shapely.distance(shapely.LineString(best.path), shapely.Point(point)) < 0.01
 
 
+@pytest.mark.slow
 def test_turns_at_the_speeds_chosen_are_safe_through_a_point() -> None:
     start, point, goal = CORNERS
     current = StreamFunctionCurrent(2, 0.5)

@@ -44,6 +44,7 @@ def all_of(root: Element, name: str) -> list[Element]:
     return list(root.iter(f"{{{root.nsmap[None]}}}{name}"))
 
 
+@pytest.mark.gate_share(18)
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("departure", [None, DEPARTURE])
 def test_every_version_is_valid(

@@ -121,6 +121,7 @@ def test_seasons_switch(reader: Reader, file: Path) -> None:
     assert drawn(page, "currents") == before["currents"]
 
 
+@pytest.mark.slow
 def test_layers_switch(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     panes = {"currents": "currents", "soft": "soft", "turns": "marks", "others": "routes"}
@@ -195,6 +196,7 @@ def test_the_voyages_position_and_time_are_true(
     assert values == sorted(values)
 
 
+@pytest.mark.slow
 def test_with_reduced_motion_the_vessel_moves_in_steps(reader: Reader, file: Path) -> None:
     page = reader.open(file, reduced_motion="reduce")
     seen = page.evaluate(
@@ -263,6 +265,7 @@ def test_axe_finds_no_barriers(reader: Reader, file: Path) -> None:
         assert axe_faults(page) == [], (scheme, width)
 
 
+@pytest.mark.slow
 def test_the_map_follows_the_pages_colour_scheme(reader: Reader, file: Path) -> None:
     page = reader.open(file, color_scheme="light")
     panes = ("water", "currents", "land", "routes")
@@ -285,6 +288,7 @@ def assert_fits(page: Page) -> None:
         assert box["width"] > 0.6 * min(width, 1000)
 
 
+@pytest.mark.slow
 def test_the_page_fits_every_width(reader: Reader, file: Path) -> None:
     assert_fits(reader.open(file, width=WIDTHS[0]))
 

@@ -29,6 +29,7 @@ HOSTILE = (
 )
 
 
+@pytest.mark.slow
 def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
     """A route of many points is smooth: the middle of its line is close to a cubic."""
     page = reader.open(file, width=1280, height=900)
@@ -46,6 +47,7 @@ def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
     assert np.sqrt(np.mean(steps**2)) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("pixel_ratio", [1, 2])
 def test_arrows_are_as_dense_at_the_closest_zoom(
@@ -58,6 +60,7 @@ def test_arrows_are_as_dense_at_the_closest_zoom(
     assert pixels(page, "currents")[..., 3].astype(bool).mean() > 0.25 * whole > 0
 
 
+@pytest.mark.slow
 def test_the_scale_bar_is_true_at_the_closest_zoom(
     reader: Reader, planar_result: RunResult, tmp_path: Path
 ) -> None:
@@ -126,6 +129,7 @@ def test_zones_can_be_hidden_and_have_labels(
     assert "<script>alert(1)</script>" in label.first.inner_text()
 
 
+@pytest.mark.slow
 def test_shoals_are_drawn_over_land(reader: Reader, result: RunResult, tmp_path: Path) -> None:
     page = reader.open(written(small_run.with_zones(result), tmp_path))
     shoal = [int(COLOURS["shoal"][i : i + 2], 16) for i in (1, 3, 5)]
@@ -147,6 +151,7 @@ def test_touch_targets_are_large_enough(reader: Reader, result: RunResult, tmp_p
     assert small == []
 
 
+@pytest.mark.slow
 def test_buttons_of_the_classes_are_in_the_tables_first_columns(reader: Reader, file: Path) -> None:
     page = reader.open(file, width=360)
     for button in page.locator("table.classes [data-select]").all():
@@ -155,6 +160,7 @@ def test_buttons_of_the_classes_are_in_the_tables_first_columns(reader: Reader, 
         assert box["x"] + box["width"] <= 360
 
 
+@pytest.mark.slow
 def test_on_paper_the_legend_has_its_colours(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     page.emulate_media(media="print")
@@ -201,6 +207,7 @@ def test_particles_drift_with_the_current(reader: Reader, file: Path) -> None:
     assert drawn(page, "particles") == ""
 
 
+@pytest.mark.slow
 def test_particles_stay_on_the_chart(reader: Reader, file: Path) -> None:
     """At half the size the chart fills the middle of the view only."""
     page = reader.open(file, reduced_motion="no-preference")
@@ -222,6 +229,7 @@ def test_particles_stay_on_the_chart(reader: Reader, file: Path) -> None:
         assert base.max() <= found.max() + shift + 2, at
 
 
+@pytest.mark.slow
 def test_particles_are_still_where_less_motion_is_asked_for(reader: Reader, file: Path) -> None:
     page = reader.open(file, reduced_motion="reduce")
     assert drawn(page, "particles") == ""
@@ -268,6 +276,7 @@ def test_the_pointer_reads_position_current_and_distances(
     assert seen >= 5
 
 
+@pytest.mark.slow
 def test_the_readout_is_gone_with_the_pointer(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     point_at(page, 0.5, 0.3)
@@ -282,6 +291,7 @@ def test_the_readout_is_gone_with_the_pointer(reader: Reader, file: Path) -> Non
     assert page.locator(".probe").is_visible()
 
 
+@pytest.mark.slow
 def test_only_with_ctrl_the_wheel_zooms(reader: Reader, file: Path) -> None:
     page = reader.open(file, reduced_motion="no-preference")
     before = drawn(page, "land")
@@ -340,6 +350,7 @@ def test_a_place_in_the_text_is_shown_on_the_map(
     assert lonlat(read["place"]) == pytest.approx((119.7, 9.55), abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_map_is_not_below_the_fold(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     for width, height in ((1280, 800), (1440, 900), (1920, 1080)):
@@ -362,6 +373,7 @@ OVERLAPS = """() => [...document.querySelectorAll(".plots svg")].flatMap((plot) 
 })"""
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("width", [390, 1280])
 def test_no_text_of_a_plot_covers_another(reader: Reader, file: Path, width: int) -> None:
     page = reader.open(file, width=width)
@@ -369,11 +381,12 @@ def test_no_text_of_a_plot_covers_another(reader: Reader, file: Path, width: int
     assert page.evaluate(OVERLAPS) == []
 
 
+@pytest.mark.slow
 def test_on_a_phone_a_reason_has_room(reader: Reader, result: RunResult, tmp_path: Path) -> None:
     """A column of a few letters would make a row as tall as a screen."""
     entry, *others = result.results
     assert entry.plan is not None
-    reason = "blocked at 117.1221 E 8.1063 N: the gap is 4.15 m wide, and the padding takes 3.84 m"
+    reason = "blocked at 117.1221 E 8.1063 N: the gap is 4.15 m wide, and 7.84 m are needed"
     gone = renew.Rejected("p2.p4.p1", reason, entry.plan.routes[0].channel)
     plan = replace(entry.plan, rejected=(gone,))
     changed = replace(result, results=(replace(entry, plan=plan), *others))
@@ -383,6 +396,7 @@ def test_on_a_phone_a_reason_has_room(reader: Reader, result: RunResult, tmp_pat
     assert box["height"] < 120
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("width", [240, 1280])
 def test_labels_of_meridians_have_room(reader: Reader, file: Path, width: int) -> None:
     page = reader.open(file, width=width)

@@ -162,6 +162,7 @@ def test_a_new_file_does_not_change_the_identity_of_earlier_days(
 # --- the four real files ------------------------------------------------------------------------
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize(
     ("name", "valid", "used", "notes", "share"),
     [

@@ -30,7 +30,7 @@ from tests.pipeline.synthetic_currents import dataset, sea, write
 # --- the same sea, written in many ways ---------------------------------------------------------
 
 
-@pytest.mark.gate_share(14)
+@pytest.mark.gate_share(7)
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_the_same_sea_is_read(tmp_path: Path, variant: str, suffix: str) -> None:

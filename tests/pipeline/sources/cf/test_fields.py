@@ -32,7 +32,7 @@ GLOBE = np.arange(0.0, 360.0, 2.0)
 WORLD = sea(GLOBE, np.arange(-60.0, 61.0, 2.0), seed=4)
 
 
-@pytest.mark.gate_share(10)
+@pytest.mark.gate_share(5)
 @pytest.mark.parametrize("first", [0.0, -180.0, 20.0])
 @pytest.mark.parametrize("west", [-190.0, -21.0, 0.0, 170.0, 340.0])
 @pytest.mark.parametrize("down", [False, True])

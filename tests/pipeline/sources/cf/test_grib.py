@@ -169,6 +169,7 @@ def test_both_components_in_one_message_are_found(tmp_path: Path, days: xr.Datas
     np.testing.assert_array_equal(one.v, other.v)
 
 
+@pytest.mark.gate_share(1)
 @EDITIONS
 def test_the_uppermost_level_is_the_surface(tmp_path: Path, days: xr.Dataset, edition: int) -> None:
     deep = messages(days * 0.1, edition, typeOfLevel="depthBelowSea", level=50)

@@ -270,6 +270,7 @@ def test_a_run_on_the_services_currents_is_credited_cached_and_keeps_the_account
 # --- The fault table: each row is injected into a download of the unmodified client ---
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize(
     "row",
     [

@@ -1,0 +1,215 @@
+"""Check a route that the user has: in the water and the current in which a plan would be made.
+
+Its figures are the measures of a run's routes, and beside it are the least-fuel route of its own
+side and the best of all.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.errors import RequestError
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.route_profile import closest_approach, coast_edges, cumulative, sailed
+from pipeline.findings.text import planner_text
+from pipeline.findings.way_names import island_places, way_names
+from pipeline.model import Case, CaseResult, Note, Place, PlaceName, plan_options
+from pipeline.model.case import MIN_LATENESS_S
+from pipeline.run import EventHandler, prepare
+from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.stages.measure import measured
+from pipeline.voyage.request import VoyageRequest
+from pipeline.voyage.route_file import GivenRoute
+
+# Least true metres of a crossing that is named: a shorter one only grazes the shore.
+_LEAST_M = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class LandCrossed:
+    """Land that a route crosses: its name, if it has one, how far, and the middle of that part."""
+
+    name: str
+    length_m: float
+    place: Place
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedRoute:
+    """A given route in the current of one case.
+
+    Attributes
+    ----------
+    given : it, with its measures.
+    same_side, best : the least-fuel routes of its side and of all sides; None if there is none.
+    why_not : why there is no plan, or none on its side; or "".
+    passed_s : (n,) seconds since the departure at its points.
+    crossed : the land that it crosses, the longest part first.
+    nearest : where land is nearest; None where it crosses land, or there is none.
+    shut : sentences on the areas that it enters, or may meet while they are shut.
+    met : places from which a hard-over turn meets land.
+    """
+
+    given: RankedRoute
+    same_side: RankedRoute | None
+    best: RankedRoute | None
+    why_not: str
+    passed_s: FloatArray
+    crossed: tuple[LandCrossed, ...]
+    nearest: Place | None
+    shut: tuple[str, ...]
+    met: tuple[Place, ...]
+
+
+def check_route(
+    request: VoyageRequest,
+    asked: tuple[Scenario, tuple[str, ...]],
+    route: GivenRoute,
+    on_event: EventHandler,
+) -> tuple[RunResult, tuple[CheckedRoute, ...]]:
+    """Check a route in the current of each case of a request between its ends.
+
+    `asked` is the request's scenario, with notes on how it was read.
+
+    Raises
+    ------
+    RequestError
+        The request is wrong, an end lies too far from water, or the currents end on the way.
+    StageError
+        A source can't be used.
+    """
+    if request.chooses_speeds:
+        raise RequestError("--speed: a route is checked at one speed; give one, such as 12kn")
+    scenario, notes = asked
+    turn = 360.0 * round((scenario.start[0] - route.lonlat[0, 0]) / 360)
+    line, at = route.drawn
+    line = line + np.array([turn, 0.0])
+    said = (
+        *notes,
+        *([f"the first of {route.others + 1} routes of the file was checked"] * bool(route.others)),
+    )
+    chosen, land = prepare(
+        scenario, request.output, offline=request.offline, holding=line, on_event=on_event
+    )
+    options, places = chosen.scenario.planner, chosen.fetched.land.places
+    found = {
+        case.name: _assessed(case, _in_plane(line, case), options) for case in chosen.cases.value
+    }
+    results, islands, class_islands = way_names(
+        chosen.cases.value[0].water, [one for *_, one in found.values()], places
+    )
+    every = (*(Note.of("as-read", said=text) for text in said), *chosen.notes)
+    run = RunResult(
+        chosen.scenario,
+        replace(chosen.fetched, notes=(*every, *chosen.fetched.notes, *land.value.notes)),
+        land.value,
+        chosen.cases.value[0].water,
+        {case.name: case for case in chosen.cases.value},
+        results,
+        {},
+        datetime.now(UTC),
+        islands,
+        class_islands,
+        choices=every,
+    )
+    checked = (
+        _checked(run.case(name).routes, beside, one, (route, at))
+        for name, (one, beside, _) in found.items()
+    )
+    return run, tuple(checked)
+
+
+def _in_plane(line: FloatArray, case: Case) -> FloatArray:
+    """Return a line (n, 2), degrees, in a case's plane; ends on land begin where the case does."""
+    path = case.projection.to_plane(line)
+    for end, stop in ((0, case.start), (-1, case.goal)):
+        if case.projection.geodesic_length_m([path[end], stop]) > _LEAST_M:
+            path[end] = stop
+    outside = ~shapely.dwithin(case.chart.extent, shapely.points(path), case.chart.precision)
+    if outside.any():
+        raise RequestError(
+            "FILE: the route leaves the water with currents at "
+            f"{case.water.place_text(path[outside][0])}; give currents that reach further, or "
+            "--currents still"
+        )
+    return path
+
+
+def _assessed(
+    case: Case, path: FloatArray, options: PlannerOptions
+) -> tuple[renew.AssessedPath, list[renew.Route], CaseResult]:
+    """Assess a path (n, 2), and measure it and the routes beside it; the path comes first."""
+    found = renew.assess(
+        path, case.chart, case.current, case.vessel, avoid=case.areas, depth=case.tidal_depth,
+        options=plan_options(options, min_lateness=MIN_LATENESS_S),
+    )  # fmt: skip
+    if not np.isfinite(found.fuel):
+        slow = path[np.isfinite(found.times)][-1]
+        raise RequestError(
+            f"FILE: beyond {case.water.place_text(slow)} the current lets the vessel make no way "
+            "along the route; give a faster vessel, or another departure"
+        )
+    routes = [*dict.fromkeys(filter(None, (found.route, found.same_side, found.best)))]
+    result = CaseResult(case.name, renew.Plan(tuple(routes), ()), "", 0.0)
+    return found, routes, replace(result, measures=measured(case, result, options))
+
+
+def _checked(
+    ranked: Sequence[RankedRoute],
+    routes: Sequence[renew.Route],
+    found: renew.AssessedPath,
+    drawn: tuple[GivenRoute, list[int]],
+) -> CheckedRoute:
+    """Return a given route, the first of `ranked`, with what is measured of it alone."""
+    route, at = drawn
+    given = ranked[0]
+    case, path = given.case.case, np.asarray(given.route.path)
+    drift = "crab" if route.is_by_legs else given.case.scenario.planner.drift
+    taken = sailed(path, np.array(at[:-1]), given.route.speeds, case, drift)
+    is_planners = not route.is_by_legs and not case.current.is_steady
+    crossed = tuple(_crossed(case, path, given.case.run.fetched.land.places))
+    near = closest_approach(coast_edges(case.water.land), path, case.projection)
+    turns = given.case.measures.turns[0]
+    same_side, best = (
+        ranked[routes.index(one)] if one else None for one in (found.same_side, found.best)
+    )
+    return CheckedRoute(
+        given,
+        same_side,
+        best,
+        "" if found.cause is None else planner_text(found.cause.text, case),
+        cumulative(taken.planner_s if is_planners else taken.true_s),
+        crossed,
+        None if crossed or near is None else case.water.place(near[0]),
+        tuple(planner_text(one, case) for one in found.shut),
+        tuple(map(case.water.place, turns.points[turns.collided])),
+    )
+
+
+def _crossed(case: Case, path: FloatArray, charted: Sequence[PlaceName]) -> Iterator[LandCrossed]:
+    """Yield the pieces of land that a path (n, 2) crosses, the longest crossing first."""
+    line, water, found = shapely.LineString(path), case.water, list[LandCrossed]()
+    land = np.array(water.land, dtype=object)
+    names = (*charted, *island_places(water))
+    points = shapely.points(
+        case.projection.to_plane(np.array([(one.lon, one.lat) for one in names]).reshape(-1, 2))
+    )
+    for polygon in land[shapely.STRtree(land).query(line, predicate="intersects")]:
+        part = shapely.intersection(line, polygon)
+        length_m = sum(
+            case.projection.geodesic_length_m(shapely.get_coordinates(one))
+            for one in shapely.get_parts(part)
+            if one.length > 0
+        )
+        if length_m >= _LEAST_M:
+            inside = np.flatnonzero(shapely.covers(polygon, points))
+            named = max((names[at] for at in inside), key=lambda one: one.area_deg2, default=None)
+            longest = max(shapely.get_parts(part), key=lambda one: one.length)
+            middle = shapely.get_coordinates(longest.interpolate(0.5, normalized=True))[0]
+            found.append(LandCrossed(named.name if named else "", length_m, water.place(middle)))
+    yield from sorted(found, key=lambda one: -one.length_m)

@@ -1,0 +1,159 @@
+"""`renew check-route` says of our own files what they say, and of a way over land where it lies."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import gpxpy
+import numpy as np
+import pytest
+import shapely
+from typer.testing import CliRunner, Result
+
+from pipeline.cli.main import app
+from pipeline.errors import RequestError
+from pipeline.run import Outcome
+from pipeline.voyage.one_line import go
+from pipeline.voyage.route_file import read_route
+from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, write_tide
+from tests.true_scale import GEOD
+
+BEGIN = "2026-11-22T06:00Z"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("check")
+    island = {"type": "Feature", "properties": {"name": "Isla Sola"}} | {
+        "geometry": json.loads(shapely.to_geojson(ISLAND))
+    }
+    (made / "land.geojson").write_text(
+        json.dumps({"type": "FeatureCollection", "features": [island]})
+    )
+    write_tide(made / "tide.nc")
+    return made
+
+
+@pytest.fixture(scope="module")
+def planned(folder: Path) -> Outcome:
+    return go(
+        START, GOAL, **FIGURES, depart=datetime.fromisoformat(BEGIN),
+        charts=folder / "land.geojson",
+        currents=(folder / "tide.nc",), output=folder / "out", name="tide",
+    )  # fmt: skip
+
+
+def checked(folder: Path, file: Path, *more: str) -> Result:
+    words = [
+        "check-route", str(file), "--speed", "8kn", "--length", "12m", "--turning-circle", "40m",
+        "--charts", str(folder / "land.geojson"), "--currents", str(folder / "tide.nc"),
+        "--output", str(folder / "out"), "--quiet", *more,
+    ]  # fmt: skip
+    return CliRunner().invoke(app, words)
+
+
+def answer(folder: Path, file: Path, *more: str) -> dict[str, Any]:
+    found = checked(folder, file, "--json", *more)
+    assert found.exit_code in (0, 1), found.stderr
+    (season,) = json.loads(found.stdout)["seasons"]
+    return dict(season)
+
+
+def test_our_own_path_costs_what_was_planned(folder: Path, planned: Outcome) -> None:
+    file = next(planned.directory.glob("*.geojson"))
+    found = answer(folder, file, "--depart", BEGIN)
+    best = planned.result.routes[0].metrics
+    assert found["fuel"] == pytest.approx(best.fuel, rel=1e-6)
+    assert found["duration_s"] == pytest.approx(best.duration_s, abs=1.0)
+    assert found["length_m"] == pytest.approx(best.length_m, rel=1e-6)
+    assert found["clearance_m"] == pytest.approx(best.clearance_m, abs=0.1)
+    assert (found["crosses"], found["turns_meet_land_from"]) == ([], [])
+    for beside in ("same_side", "best"):
+        assert abs(found[beside]["fuel_more_share"]) < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["gpx", "rtz"])
+def test_times_of_our_own_legs_are_those_that_the_file_states(
+    folder: Path, planned: Outcome, kind: str
+) -> None:
+    file = next(one for one in planned.directory.glob(f"*.{kind}") if "-all" not in one.name)
+    found = answer(folder, file)  # it leaves when the file says
+    assert len(found["points"]) > 2
+    for point in found["points"]:
+        passed, stated = (datetime.fromisoformat(point[key]) for key in ("passed", "stated"))
+        assert abs((passed - stated).total_seconds()) <= 1.0
+    table = checked(folder, file).stdout
+    assert "+0 s" in table
+    assert "W02-1" in table
+
+
+def test_a_way_across_the_island_is_named_with_place_and_metres(
+    folder: Path, planned: Outcome, tmp_path: Path
+) -> None:
+    assert planned.fresh is not None
+    gpx = gpxpy.gpx.GPX()
+    gpx.routes.append(gpxpy.gpx.GPXRoute(name="straight"))
+    for lon, lat in (START, GOAL):
+        gpx.routes[0].points.append(gpxpy.gpx.GPXRoutePoint(lat, lon))
+    file = tmp_path / "straight.gpx"
+    file.write_text(gpx.to_xml())
+    result = checked(folder, file, "--depart", BEGIN)
+    assert result.exit_code == 1
+    assert "OVER LAND: 1.83 km of Isla Sola at 40.0000 W 35.0000 N" in result.stdout
+    found = answer(folder, file, "--depart", BEGIN)
+    (land,) = found["crosses"]
+    # On the parallel of 35 degrees, that is a loxodrome.
+    west, south, east, north = ISLAND.bounds
+    assert south < START[1] < north
+    at = np.linspace(west, east, 200)
+    assert land["length_m"] == pytest.approx(GEOD.line_length(at, np.full(200, START[1])), rel=1e-4)
+    assert (land["place"]["lon"], land["place"]["lat"]) == pytest.approx((-40.0, 35.0), abs=1e-4)
+    assert found["nearest"] is None
+    assert found["turns_meet_land_from"]
+    assert found["best"]["fuel"] > 0
+
+
+def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_path: Path) -> None:
+    south = shapely.box(-40.005, 34.96, -39.995, 34.99)
+    (tmp_path / "shut.geojson").write_text(shapely.to_geojson(south))
+    file = next(planned.directory.glob("*.geojson"))
+    found = checked(folder, file, "--depart", BEGIN, "--avoid", str(tmp_path / "shut.geojson"))
+    assert found.exit_code == 1
+    assert "SHUT: it enters" in found.stdout
+    assert "always shut" in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "why"),
+    [
+        ("none.gpx", None, "does not exist"),
+        ("a.gpx", "<gpx", "is damaged"),
+        ("a.gpx", "<gpx version='1.1'><wpt lat='1' lon='2'/></gpx>", "no route, track or line"),
+        ("a.kml", "<kml/>", "no route, track or line"),
+        ("a.json", "[" * 100_000, "nested too deep"),
+        ("a.json", '{"type": "Point", "coordinates": [1, 2]}', "no route, track or line"),
+        ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 95]]}', "latitude 95"),
+        ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "all at one place"),
+        ("a.json", '{"type": "LineString", "coordinates": [[1, "x"], [1, 2]]}', "is damaged"),
+        ("a.rtz", "<route><waypoints><waypoint/></waypoints></route>", "is damaged"),
+    ],
+)
+def test_what_is_no_route_says_why(
+    tmp_path: Path, name: str, content: str | None, why: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(RequestError, match=f"^FILE: .*{name} .*{why}"):
+        read_route(tmp_path / name)
+
+
+def test_a_line_across_180_degrees_is_one(tmp_path: Path) -> None:
+    (tmp_path / "a.geojson").write_text(
+        '{"type": "MultiLineString", "coordinates": [[[179, 1], [180, 2]], [[-180, 2], [-179, 3]]]}'
+    )
+    route = read_route(tmp_path / "a.geojson")
+    assert route.lonlat[:, 0] == pytest.approx([179, 180, 181])
+    assert route.ends == ("1.00000000N 179.00000000E", "3.00000000N 179.00000000W")
