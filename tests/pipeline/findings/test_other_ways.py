@@ -98,7 +98,6 @@ def is_open(scene: Case, padding: float) -> bool:
     return bool(shapely.intersects(bodies[:, None], ends).all(axis=1).any())
 
 
-<<<<<<< HEAD
 def ways_m(scene: Case) -> tuple[float, float]:
     """Lengths of the way round the islands and of the straight way, planar metres."""
     land = shapely.union_all(np.array(scene.water.land)).convex_hull
@@ -112,9 +111,7 @@ def ways_m(scene: Case) -> tuple[float, float]:
     return min(ways), float(np.linalg.norm(scene.goal - scene.start))
 
 
-=======
 @pytest.mark.gate_share(2)
->>>>>>> ea492e6045b7c56c6a97cacf50bafd09abecf65f
 @pytest.mark.parametrize(
     ("width_m", "clearance", "by"),
     [(110.0, 300.0, "margin"), (500.0, 300.0, "padding"), (1000.0, 300.0, ""), (300.0, 0.0, "")],
