@@ -384,7 +384,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "strait-shut": _strait_shut,
     "straits-shut": "{count:strait is|straits are} shut by margin or padding; a way would be "
     "{saves:.0%} shorter in time than the best way round, both without padding, through "
-    "{straits:, through /3/ and through # more}",
+    "{straits: and through /3/ and # more}",
     "unlisted-land": "OpenStreetMap has land where routes cross water of this chart; check these "
     "places on an official chart: {crossings:; /8/; and # shorter}",
     "waits-at-anchor": lambda place, begin, until: (

@@ -124,7 +124,7 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     assert note_texts(result.unknowns)[1] == (
         "4 straits are shut by margin or padding; a way would be 21% shorter in time than the best "
         "way round, both without padding, through the one at 119.8710 E 11.5244 N, which is "
-        "1.58 km wide where 1.71 km are needed, through the one at 119.8710 E 11.6000 N, beside "
+        "1.58 km wide where 1.71 km are needed and through the one at 119.8710 E 11.6000 N, beside "
         "Isla Wellington, which is 300.0 m wide where 1.71 km are needed"
     )
     (one,) = note_texts(replace(result, straits=(first,)).unknowns)[1:]
