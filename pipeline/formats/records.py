@@ -252,10 +252,10 @@ def write_currents(case: RunCase, path: Path) -> None:
             for name, size in zip(("time", "y", "x"), velocity.shape, strict=False):
                 if name in dimensions:
                     file.createDimension(name, size)
-            for name, (of, values, about) in content.items():
+            for name, (of, values, attributes) in content.items():
                 array, is_field = np.asarray(values), "x" in of and "y" in of
                 variable = file.createVariable(name, array.dtype, of, zlib=is_field)
-                variable.setncatts(about)
+                variable.setncatts(attributes)
                 variable[...] = array
     except RuntimeError as error:  # HDF5's
         raise os_error(path, error) from error
