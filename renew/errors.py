@@ -6,7 +6,7 @@ A message names the value, the limit it broke and what to change.
 import math
 import reprlib
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
@@ -43,9 +43,14 @@ def in_seconds(moment: Moment) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Length:
-    """A length in planar metres that a message names."""
+    """A length in planar metres that a message names.
+
+    `across` (2, 2) is the gap that it is measured in, from bank to bank: on a chart where a margin
+    covers the shores, readers are told the length with the margins there.
+    """
 
     metres: float
+    across: FloatArray | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         """Spell it to the centimetre."""
@@ -272,11 +277,12 @@ class InfeasibleError(PlanningError):
     ) -> "InfeasibleError":
         """Return the error for one of all blocked gaps, with the width that its paddings take."""
         error = cls(
-            "blocked at {0}, between {1} and {2}: the gap is {3} wide, and the padding takes {4} "
-            "on the left and {5} on the right bank",
+            "blocked at {0}, between {1} and {2}: the gap is {3} wide, and {4} are needed, with "
+            "{5} on the left and {6} on the right bank for padding",
             strait.gap.mean(axis=0),
             *strait.gap,
-            Length(strait.width),
+            Length(strait.width, strait.gap),
+            Length(strait.padding_left + strait.padding_right, strait.gap),
             Length(strait.padding_left),
             Length(strait.padding_right),
         )

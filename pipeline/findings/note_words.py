@@ -17,6 +17,7 @@ import renew
 from pipeline.findings import text
 from pipeline.findings.choices import departure_text, replanned_text, trade_off_text
 from pipeline.findings.result import RunCase, RunResult
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.model import Note, Place, Water
 from renew.errors import Length, Moment, Strait
 
@@ -185,12 +186,28 @@ def _crossing(length_m: float, place: Place, routes: Sequence[int]) -> str:
     return f"{length_m:,.0f} m at {place.text} on {named}"
 
 
+def _strait_shut(place: Place, beside: Sequence[str], width_m: float, needed_m: float) -> str:
+    land = f", beside {' and '.join(beside)}" if beside else ""
+    width, needed = text.distance(width_m), text.distance(needed_m)
+    return f"the one at {place.text}{land}, which is {width} wide where {needed} are needed"
+
+
 def _current_lacking(share: float, distance_m: float) -> str:
     return (
         f"the current has no data for {f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the "
         f"region's water, up to {math.ceil(distance_m / 1000)} km from the nearest "
         "value: it was filled from the water around"
     )
+
+
+def _current_on_table(finest: float, step: float, *, is_turned: bool) -> str:
+    turned = ", and turned from the lines of its grid to east and north" * is_turned
+    coarser = f", where its finest cells are {_cell(finest)}" * (step > finest)
+    return f"the current was put on axes with a node every {_cell(step)}{coarser}{turned}"
+
+
+def _cell(degrees: float) -> str:
+    return text.distance(METRES_PER_DEGREE * degrees)
 
 
 def _ends(ends: Sequence[Note]) -> str:
@@ -212,6 +229,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "longitude, and {count:was|were} taken to cross 180 degrees there",
     "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
     "repaired (rings that cross or touch themselves)",
+    "chart-not-near": "{source} has nothing near the region",
     "chart-no-go": "no-go: all water except where the chart gives a depth of "
     "{safety_depth_m:g} m or more (draught plus under-keel clearance, at chart datum, without "
     "tide)",
@@ -243,6 +261,12 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-doubtful": "check {source}: {warning}",
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
+    "current-on-table": _current_on_table,
+    "current-gaps-filled": "the current had gaps at some times in {share:.1%} of its cells: they "
+    "were filled from the times before and after, up to {hours:g} hours away; {lost:.1%} have a "
+    "longer gap, and count as without data",
+    "current-means-lack": "the current's mean lacks some of its times in up to {share:.1%} of its "
+    "cells: it is the mean of those that are there, at least half",
     "current-over-depth": "the currents are means over depth, not of the surface",
     "current-stands-in": "planned on {source}, valid {valid}",
     "current-used": lambda source, valid: (
@@ -255,6 +279,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "forecasts-overlap": "{count:time step gives|time steps give} way to a later forecast, "
     "the latest of {reference:%Y-%m-%d %H:%M} UTC",
     "level-assumed": "the only level, {level} = {value:g}, is taken for the surface",
+    "level-by-name": "of {level} the index {at} is taken for the surface, by its name",
     "member-left-out": "a member of the current was left out: {reason}",
     "current-without-tide": "the currents are without tide",
     "constants-old": "the harmonic constants come from currents of {begin:%Y-%m-%d} to "
@@ -356,8 +381,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "strait-unresolved": "the strait at {place} is {width_m:distance} wide, and a cell of the "
     "current is {cell_m:distance} wide: the tide in the strait is not resolved, and may run harder "
     "and turn at another time than planned",
-    "straits-shut": "{count:strait is|straits are} shut by margin or padding; the widest, at "
-    "{widest}, is {width_m:distance} wide, and {needed_m:distance} are needed",
+    "strait-shut": _strait_shut,
+    "straits-shut": "{count:strait is|straits are} shut by margin or padding; a way would be "
+    "{saves:.0%} shorter in time than the best way round, both without padding, through "
+    "{straits: and through /3/ and # more}",
     "unlisted-land": "OpenStreetMap has land where routes cross water of this chart; check these "
     "places on an official chart: {crossings:; /8/; and # shorter}",
     "waits-at-anchor": lambda place, begin, until: (
@@ -395,19 +422,19 @@ def _rejection(case: RunCase, rejected: renew.Rejected) -> dict[str, object]:
             note_value(case.case.moment(moment.seconds))
             for moment in rejected.text.values_of(Moment)
         ],
-        "lengths_m": [
-            water.projection.scale * length.metres for length in rejected.text.values_of(Length)
-        ],
+        "lengths_m": [water.true_m(length) for length in rejected.text.values_of(Length)],
         "strait": None if rejected.strait is None else _strait(water, rejected.strait),
     }
 
 
 def _strait(water: Water, strait: Strait) -> dict[str, object]:
-    """Return the gap that padding fills: its banks, width and both paddings, true metres."""
-    scale = water.projection.scale
+    """Return the gap that padding fills: its shores, width and both paddings, true metres."""
+    scale, shores = water.projection.scale, water.shores(strait.gap)
     return {
-        "banks": [note_value(water.place(bank)) for bank in strait.gap],
-        "width_m": water.projection.geodesic_length_m(strait.gap),
+        "banks": [
+            note_value(water.place(bank)) for bank in (strait.gap if shores is None else shores)
+        ],
+        "width_m": water.width_m(strait.gap),
         "padding_left_m": strait.padding_left * scale,
         "padding_right_m": strait.padding_right * scale,
     }

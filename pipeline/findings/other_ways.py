@@ -10,7 +10,8 @@ detour around a shut gap depends on the smaller of the two parts.
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -18,19 +19,21 @@ from shapely import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray, Geometries, IndexArray
+from pipeline.findings.shortcuts import shortcuts
+from pipeline.findings.way_names import island_places
 from pipeline.geo.coast import in_small_pieces
 from pipeline.model import (
     Case,
     CaseResult,
+    PlaceName,
     ShutStrait,
-    SimplifiedLand,
     Water,
     plan_options,
 )
 from pipeline.model.result import NumberedIsland
 from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.errors import Strait
+from renew.errors import Length, Strait
 from renew.inputs.current import as_field
 from renew.voyage.voyage import Voyage, Waters
 
@@ -49,9 +52,6 @@ _PART_SHARE = 0.01
 # Largest length of the straight lines through a strait, in lengths of the best route: a much longer
 # way would not need less fuel.
 _LONGER = 1.05
-# Largest distance between a strait's bank and the original land, as a multiple of the sum of margin
-# and tolerance.
-_AT_LAND = 1.1
 # A shut strait up to this multiple of the width that the planner needs is shut by its own banks.
 # The excess allows for the errors of margin, tolerance and projection. A wider strait without water
 # lies in enclosed water, which is land to the planner; the straits that enclose it are found
@@ -152,42 +152,76 @@ def strip_across(
 
 def shut_straits(
     planned: Sequence[tuple[Case, CaseResult]],
-    stops: FloatArray,
-    simplified: SimplifiedLand,
     options: PlannerOptions,
+    places: Sequence[PlaceName] = (),
 ) -> tuple[ShutStrait, ...]:
-    """Return the important straits that margin, tolerance or padding shut, the widest first.
+    """Return the important straits that margin, tolerance or padding shut.
 
-    A strait is important on two conditions. The land on both sides is larger than a hundredth of
-    the distance between start and goal, so that a detour is longer by about as much. And the
-    straight lines from start and goal to the strait are together hardly longer than a case's best
-    route. Wider straits are added if adaptive padding fills them, so that the planner rejected
-    classes.
+    Of all, the straight lines from start and goal to the strait are together hardly longer than a
+    case's best route. First come those of the ways that would be quicker, the best way first. The
+    others separate areas of land larger than a hundredth of the distance between start and goal,
+    and come by their width, the widest first. `places` are the chart's names of land.
     """
-    best = [result.routes[0].length for _, result in planned if result.routes]
-    if not best or planned[0][0].water.is_planar:
+    found = [(case, result) for case, result in planned if result.routes]
+    if not found or found[0][0].water.is_planar:
         return ()
-    padding = plan_options(options).likely_width(
-        max(case.vessel.turning_radius for case, _ in planned)
+    radius, given = max(case.vessel.turning_radius for case, _ in found), plan_options(options)
+    likely = given.likely_width(radius)
+    turns = 2 * radius if given.is_adaptive else 0.0
+    finder = _StraitFinder(found[0][0].water, likely, max(likely, turns))
+    paths = [shapely.LineString(route.path) for _, result in found for route in result.routes]
+    gaps = [
+        gap
+        for gap in finder.gaps(result for _, result in found)
+        if any(_is_on_the_way(gap.line, *one) for one in found)
+        and not shapely.LineString(gap.line).intersects(paths).any()
+    ]
+    share = np.array([gap.strait.width_m / gap.strait.needed_m for gap in gaps])
+    ways = shortcuts(found, np.array([gap.line for gap in gaps]), share, options.drift)
+    known = (*places, *island_places(finder.water))
+    for number, way in reversed([*enumerate(ways, 1)]):
+        for at in way.straits:
+            beside = finder.beside(gaps[at].line, known)
+            shown = replace(gaps[at].strait, saves=way.saves, way=number, beside=beside)
+            gaps[at] = gaps[at]._replace(strait=shown)
+    least = _PART_SHARE * min(math.dist(case.start, case.goal) for case, _ in found)
+    straits = [gap.strait for gap in gaps if gap.strait.way or finder.is_important(gap, least)]
+    return tuple(
+        sorted(straits, key=lambda one: (one.way or math.inf, one.width_m * (1 if one.way else -1)))
     )
-    finder = _StraitFinder(planned[0][0].water, stops[0], stops[-1], simplified, padding)
-    rejected = finder.rejected([result for _, result in planned])
-    straits = [*rejected, *finder.shut(_LONGER * max(best))]
-    return tuple(sorted(straits, key=lambda strait: -strait.width_m))
+
+
+def _is_on_the_way(line: FloatArray, case: Case, result: CaseResult) -> bool:
+    """Whether a way through a strait (2, 2) may be as short as the best route."""
+    middle = line.mean(axis=0)
+    straight = math.dist(case.start, middle) + math.dist(middle, case.goal)
+    return straight <= _LONGER * result.routes[0].length
+
+
+class _Gap(NamedTuple):
+    """A strait with its line (2, 2) from shore to shore, planar metres.
+
+    `part` is the size of the smaller part of the land beside it; `is_sure` is whether it is surely
+    shut: a few of the others may be open to a vessel that does not pass them straight.
+    """
+
+    line: FloatArray
+    strait: ShutStrait
+    part: float = math.inf
+    is_sure: bool = True
 
 
 @dataclass(frozen=True)
 class _StraitFinder:
     """Finds the straits of one chart; lengths are planar metres, or true metres if named `_m`.
 
-    `padding` is the width that nearly all paddings exceed.
+    `likely` is the width that nearly all paddings exceed, and `turns` the one that hard-over turns
+    or a clearance need beside a straight way in still water.
     """
 
     water: Water
-    start: FloatArray
-    goal: FloatArray
-    simplified: SimplifiedLand
-    padding: float
+    likely: float
+    turns: float
 
     @cached_property
     def _no_go(self) -> Geometries:
@@ -199,117 +233,97 @@ class _StraitFinder:
         """A spatial index of the hard no-go zone."""
         return shapely.STRtree(self._no_go)
 
-    @property
-    def margins_m(self) -> float:
-        """The largest width that margin and tolerance take from a strait, true metres."""
-        return 2 * (self.simplified.margin_m + self.simplified.tolerance_m)
+    @cached_property
+    def _land(self) -> shapely.STRtree:
+        """A spatial index of the original land."""
+        return shapely.STRtree(np.array(self.water.land, dtype=object))
 
-    @property
-    def needed_m(self) -> float:
-        """The width above which a strait is open, true metres, unless its padding is very wide."""
-        return self.margins_m + 2 * self.padding * self.water.projection.scale
+    def gaps(self, results: Iterable[CaseResult]) -> list[_Gap]:
+        """Return the straits that padding shuts, each once.
 
-    def shut(self, longest: float) -> Iterator[ShutStrait]:
-        """Yield the important shut straits that a route of at most this length can reach."""
-        water, scale = self.water, self.water.projection.scale
-        land = np.array(water.land, dtype=object)
-        near = land[shapely.intersects(water.chart.extent, land)]
-        least = _PART_SHARE * float(np.linalg.norm(self.goal - self.start))
-        for line, part in narrow_gaps(near, self.needed_m / scale, self._is_shut):
-            middle = line.mean(axis=0)
-            way = sum(np.linalg.norm(middle - end) for end in (self.start, self.goal))
-            is_inside = shapely.intersects_xy(water.chart.extent, *middle)
-            if part < least or way > longest or not is_inside:
-                continue
-            by_margin = self._open_water(line) * scale <= _NO_WATER_M
-            width_m = water.projection.geodesic_length_m(line)
-            needed_m = self.margins_m if by_margin else self.needed_m
-            if width_m <= _COVERED * needed_m:
-                yield self._strait(middle, width_m, needed_m, is_margin=by_margin)
-
-    def rejected(self, results: Iterable[CaseResult]) -> list[ShutStrait]:
-        """Return the straits at which classes were rejected, each once with all its cases.
-
-        Only straits wider than `needed_m` are returned, because `shut` finds the narrower ones. A
-        strait that is wide enough for the padding of its own banks is left out, because other land
-        shuts it.
+        One at which classes were rejected is told with the figures of their refusals. It is left
+        out if it is wide enough for the padding of its own banks: other land shuts it.
         """
-        found: list[ShutStrait] = []
+        shut = [*self._shut()]
+        found = dict(zip(self._shores([gap.line for gap in shut]), shut, strict=True))
         for result in results:
             for one in result.plan.rejected if result.plan else ():
-                strait = self._padded(one.strait, result.name) if one.strait else None
-                if strait is None or not self.needed_m < strait.width_m <= strait.needed_m:
+                line = self.water.shores(one.strait.gap) if one.strait else None
+                if one.strait is None or line is None:
+                    continue  # a corner of the channel may have water beyond it
+                (shores,), strait = self._shores([line]), self._refused(one.strait, line)
+                if strait.width_m > strait.needed_m:
                     continue
-                same = next(
-                    (i for i, other in enumerate(found) if self._is_same(strait, other)), None
-                )
-                if same is None:
-                    found.append(strait)
-                else:
-                    found[same] = _combined(found[same], strait)
-        return found
+                known = found.get(shores, _Gap(line, strait))
+                if before := known.strait.seasons:
+                    strait = max(known.strait, strait, key=lambda strait: strait.needed_m)
+                cases = tuple(dict.fromkeys((*before, result.name)))
+                found[shores] = known._replace(strait=replace(strait, seasons=cases), is_sure=True)
+        return [*found.values()]
 
-    def _is_same(self, one: ShutStrait, other: ShutStrait) -> bool:
-        """Whether two straits are closer to each other than the larger of the widths they need."""
-        apart_m = self.water.projection.geodesic_length_m(
-            self.water.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
-        )
-        return apart_m <= max(one.needed_m, other.needed_m)
+    def _shores(self, lines: Sequence[FloatArray]) -> list[tuple[int, ...]]:
+        """Return the numbers of the two polygons of land that each line (2, 2) joins, in order."""
+        ends = shapely.points(np.array(lines).reshape(-1, 2))
+        nearest = self._land.query_nearest(ends, all_matches=False)[1].reshape(-1, 2)
+        return [tuple(both) for both in np.sort(nearest, axis=1).tolist()]
 
-    def _padded(self, strait: Strait, case: str) -> ShutStrait | None:
-        """Return the strait at which a case's class was rejected; None if a bank is not land.
+    def beside(self, line: FloatArray, places: Sequence[PlaceName]) -> tuple[str, ...]:
+        """Return the names of the land on the shores of a strait (2, 2): of its largest place."""
+        lonlat = np.array([(place.lon, place.lat) for place in places]).reshape(-1, 2)
+        points = shapely.points(self.water.projection.to_plane(lonlat))
+        names = list[str]()
+        for shore in self._land.geometries[list(*self._shores([line]))]:
+            is_on = shapely.intersects(shore, points).tolist()
+            on = [place for place, here in zip(places, is_on, strict=True) if here]
+            names += [max(on, key=lambda place: place.area_deg2).name] if on else []
+        return tuple(dict.fromkeys(names))
 
-        A planner's gap may end at a corner of its channel that has water beyond it.
-        """
-        land, projection = np.array(self.water.land, dtype=object), self.water.projection
-        ends = shapely.points(strait.gap)
-        _, to_land = shapely.STRtree(land).query_nearest(
-            ends, return_distance=True, all_matches=False
-        )
-        if to_land.max() * projection.scale > _AT_LAND * self.margins_m / 2:
-            return None
-        taken_m = (strait.padding_left + strait.padding_right) * projection.scale
-        width_m = projection.geodesic_length_m(strait.gap) + to_land.sum() * projection.scale
-        return self._strait(
-            strait.gap.mean(axis=0), width_m, self.margins_m + taken_m, is_margin=False,
-            cases=(case,),
-        )  # fmt: skip
+    def _shut(self) -> Iterator[_Gap]:
+        """Yield the bottlenecks of the land that padding shuts, the narrowest first."""
+        scale, land = self.water.projection.scale, self._land.geometries
+        near = land[shapely.intersects(self.water.chart.extent, land)]
+        padding_m = 2 * self.turns * scale
+        widest = 2 * self.water.added_m / scale + 2 * self.turns
+        for line, part in narrow_gaps(near, widest, partial(self._is_shut, padding=self.turns)):
+            by_margin = self._open_water(line) * scale <= _NO_WATER_M
+            strait = self._strait(line, 2 * self.water.added_m + padding_m, padding_m)
+            strait = replace(strait, by="margin") if by_margin else strait
+            yield _Gap(line, strait, part, self._is_shut(line, self.likely))
 
-    def _strait(
-        self,
-        middle: FloatArray,
-        width_m: float,
-        needed_m: float,
-        *,
-        is_margin: bool,
-        cases: tuple[str, ...] = (),
-    ) -> ShutStrait:
-        """Return a strait whose middle is a planar point (2,)."""
-        lon, lat = self.water.projection.to_lonlat(middle).tolist()
-        return ShutStrait(
-            lon, lat, float(width_m), float(needed_m), "margin" if is_margin else "padding", cases
+    def is_important(self, gap: _Gap, least: float) -> bool:
+        """Whether a gap is shut by its own banks, parts of land that are not below a size."""
+        # A wider one without water lies in water that others enclose.
+        own_m = 2 * self.water.added_m if gap.strait.by == "margin" else gap.strait.needed_m
+        is_own = gap.is_sure and gap.part >= least and gap.strait.width_m <= _COVERED * own_m
+        return is_own and bool(
+            shapely.intersects_xy(self.water.chart.extent, *gap.line.mean(axis=0))
         )
 
-    def _is_shut(self, line: FloatArray) -> bool:
+    def _refused(self, strait: Strait, line: FloatArray) -> ShutStrait:
+        """Return the strait with a line (2, 2) from shore to shore, with figures of a refusal."""
+        padding_m = (strait.padding_left + strait.padding_right) * self.water.projection.scale
+        taken_m = self.water.true_m(Length(0.0, strait.gap))
+        return self._strait(line, taken_m + padding_m, padding_m)
+
+    def _strait(self, line: FloatArray, needed_m: float, padding_m: float) -> ShutStrait:
+        """Return a strait with a line (2, 2) from shore to shore."""
+        projection = self.water.projection
+        lon, lat = projection.to_lonlat(line.mean(axis=0)).tolist()
+        width_m = projection.geodesic_length_m(line)
+        return ShutStrait(lon, lat, width_m, needed_m, padding_m, "padding")
+
+    def _is_shut(self, line: FloatArray, padding: float) -> bool:
         """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""
-        scale = self.water.projection.scale
-        width = float(np.linalg.norm(line[1] - line[0]))
-        # A gap narrower than margins and padding is shut. Any other is measured.
-        if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
+        # A gap narrower than what surely is taken is shut. Any other is measured.
+        if math.dist(*line) <= 2 * padding:
             return True
-        return self._open_water(line) <= max(2 * self.padding, _NO_WATER_M / scale)
+        return self._open_water(line) <= max(2 * padding, _NO_WATER_M / self.water.projection.scale)
 
     def _open_water(self, line: FloatArray) -> float:
         """Return the length of a line (2, 2) that is outside the hard no-go zone."""
         gap, no_go = shapely.LineString(line), self._no_go
         taken = [shapely.intersection(gap, no_go[i]).length for i in self._tree.query(gap)]
         return float(gap.length - sum(taken))
-
-
-def _combined(one: ShutStrait, other: ShutStrait) -> ShutStrait:
-    """Combine two records of one strait: the larger needed width, and the cases of both."""
-    seasons = tuple(dict.fromkeys((*one.seasons, *other.seasons)))
-    return replace(max(one, other, key=lambda strait: strait.needed_m), seasons=seasons)
 
 
 # Coasts are divided into pieces of this many segments, to measure distances between pieces.

@@ -47,16 +47,20 @@ def route_notes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
 
 
 def strait_notes(straits: Sequence[model.ShutStrait]) -> Iterator[Note]:
-    """Yield a note on the shut straits, with the place of the widest."""
-    if straits:
-        widest = straits[0]
-        yield Note.of(
-            "straits-shut",
-            count=len(straits),
-            widest=Place(widest.lon, widest.lat),
-            width_m=widest.width_m,
-            needed_m=widest.needed_m,
+    """Yield a note on the best way through shut straits, if one would be quicker."""
+    way = [strait for strait in straits if strait.way == 1]
+    if way:
+        passed = (
+            Note.of(
+                "strait-shut",
+                place=Place(one.lon, one.lat),
+                beside=one.beside,
+                width_m=one.width_m,
+                needed_m=one.needed_m,
+            )
+            for one in way
         )
+        yield Note.of("straits-shut", count=len(straits), saves=way[0].saves, straits=tuple(passed))
 
 
 def crossing_notes(crossings: Sequence[ShoreCrossing], chart: ChartSpec) -> tuple[Note, ...]:
@@ -90,7 +94,7 @@ def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
 
 
 MAX_STRAITS = 10
-"""Largest number of straits that are listed, the widest first."""
+"""Largest number of straits that a report lists, those that save most first."""
 
 
 @dataclass(frozen=True)
@@ -303,7 +307,7 @@ class RunResult:
     timings : s, by stage.
     islands, class_islands : the islands in the names of ways, the main island first; and other
         islands in the names of homotopy classes.
-    straits : the shut straits, the widest first.
+    straits : the shut straits, those first through which a way would be quicker.
     departures : the choices of when to leave, for the cases that leave it open.
     coverages : from where along each case's best route a haven is reached, if any are given.
     side_bounds : returns the bounds of cases whose routes differ in their side, by name. It may

@@ -239,7 +239,7 @@ def planner_text(text: Text, case: Case, stretch: float = 1.0) -> str:
     One second of the planner is `stretch` true seconds. Moments of a case without a departure stay
     in seconds.
     """
-    departure, scale = case.departure, case.projection.scale
+    departure = case.departure
 
     def dated(moment: Moment) -> str:
         if departure is None:
@@ -250,7 +250,7 @@ def planner_text(text: Text, case: Case, stretch: float = 1.0) -> str:
         return str(Duration(one.seconds * largest_stretch(case)))
 
     words = text.spelled(
-        case.water.place_text, dated, lambda one: distance(scale * one.metres), lasting
+        case.water.place_text, dated, lambda one: distance(case.water.true_m(one)), lasting
     )
     return " ".join(words.split())
 

@@ -34,7 +34,7 @@ import shapely
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.findings.names import SCHEMA_VERSION, without_folders
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
-from pipeline.findings.result import MAX_STRAITS, RunCase, RunResult
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import json_value, os_error, write_json
 from pipeline.machine.store import code_commit, code_hash, file_hash
 from pipeline.model import CurrentGrid
@@ -81,7 +81,7 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
         ],
         **caveats_json(result),
         "note_values": json_value([note_json(note) for note in result.fetched.notes]),
-        "shut_straits": [json_value(asdict(strait)) for strait in result.straits[:MAX_STRAITS]],
+        "shut_straits": [json_value(asdict(strait)) for strait in result.straits],
         "shut_straits_in_all": len(result.straits),
         "timings_s": {stage: round(s, 3) for stage, s in result.timings.items()},
         "outputs": {

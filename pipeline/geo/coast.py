@@ -26,7 +26,7 @@ from scipy.sparse import csgraph
 
 import renew
 from pipeline._types import FloatArray, Geometries, IndexArray
-from renew.classes.triangulation import triangulate
+from renew.classes.triangulation import Triangulation, triangulate
 
 # Share of the tolerance that is cut before the buffer. The rest is cut after it, which also removes
 # vertices that the buffer adds. Of the shares that were tried, this left the fewest vertices.
@@ -291,6 +291,55 @@ def _without(land: Geometries, cleared: shapely.Geometry) -> Geometries:
     return np.concatenate([land[~meets], parts[~shapely.is_empty(parts)]])
 
 
+def mesh_of_water(
+    land: Geometries, extent: shapely.Polygon, points: FloatArray, piece_m: float = 0.0
+) -> Triangulation | None:
+    """Triangulate the body of water that holds all points (n, 2); None if there is none.
+
+    Its coast is divided into pieces no longer than `piece_m`, if that is not 0.
+    """
+    bodies = shapely.get_parts(shapely.difference(extent, shapely.disjoint_subset_union_all(land)))
+    holds = shapely.intersects(bodies[:, None], shapely.points(points)).all(axis=1)
+    if not holds.any():
+        return None
+    rings = shapely.get_rings(bodies[np.argmax(holds)])
+    shell, *holes = shapely.polygons(shapely.segmentize(rings, piece_m) if piece_m else rings)
+    # The land is not the chart's no-go zone here, because all of a no-go zone is united first.
+    return triangulate(renew.Chart(shell), closed=shapely.MultiPolygon(holes))
+
+
+# Number of times that a line from shore to shore is drawn to the nearest point of either shore. It
+# comes to rest after two or three.
+_ROUNDS = 4
+
+
+def shore_to_shore(land: Geometries, gap: FloatArray, reach: float) -> FloatArray | None:
+    """Return the shortest line (2, 2) between the shores beside a gap (2, 2), planar metres.
+
+    The gap is between banks that are up to `reach` m off the land. None if one is further off.
+    """
+    middle, along = gap.mean(axis=0), (gap[1] - gap[0]) / math.dist(*gap)
+    deep = math.dist(*gap) / 2 + reach
+    aside = deep * np.array([-along[1], along[0]])
+    shores = []
+    for bank, outwards in zip(gap, (-deep * along, deep * along), strict=True):
+        corners = [middle - aside, middle + aside, middle + aside + outwards]
+        beside = shapely.Polygon([*corners, middle - aside + outwards])
+        near = land[shapely.box(*beside.bounds).intersects(land)]
+        shore = shapely.union_all(shapely.intersection(near, beside))
+        if not shore.distance(shapely.Point(bank)) <= reach:
+            return None
+        shores.append(shore)
+    one, other = (
+        shapely.shortest_line(shore, shapely.Point(bank)).coords[0]
+        for shore, bank in zip(shores, gap, strict=True)
+    )
+    for _ in range(_ROUNDS):
+        one = shapely.shortest_line(shores[0], shapely.Point(other)).coords[0]
+        other = shapely.shortest_line(shores[1], shapely.Point(one)).coords[0]
+    return np.array([one, other])
+
+
 def widest_path(
     land: Geometries, extent: shapely.Polygon, start: FloatArray, goal: FloatArray, piece_m: float
 ) -> Geometries | None:
@@ -299,14 +348,9 @@ def widest_path(
     Coasts are divided into pieces of that length as well, so that a gate is hardly longer than the
     strait is wide.
     """
-    bodies = shapely.get_parts(shapely.difference(extent, shapely.disjoint_subset_union_all(land)))
-    holds = shapely.intersects(bodies[:, None], shapely.points([start, goal])).all(axis=1)
-    if not holds.any():
+    mesh = mesh_of_water(land, extent, np.stack([start, goal]), piece_m)
+    if mesh is None:
         return None
-    body = bodies[np.argmax(holds)]
-    shell, *holes = shapely.polygons(shapely.segmentize(shapely.get_rings(body), piece_m))
-    # The land is not the chart's no-go zone here, because all of a no-go zone is united first.
-    mesh = triangulate(renew.Chart(shell), closed=shapely.MultiPolygon(holes))
     triangle, corner = np.nonzero(mesh.neighbours >= 0)
     gate = mesh.vertices[mesh.edge_vertices(triangle, corner)]
     width = np.linalg.norm(gate[:, 1] - gate[:, 0], axis=1)

@@ -18,11 +18,13 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.geo.coast import shore_to_shore
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
 from pipeline.model.inputs import Note, Place
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
+from renew.errors import Length
 from renew.vary.ensemble import Statistic
 
 Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
@@ -46,11 +48,19 @@ class SimplifiedLand:
     notes: tuple[Note, ...] = ()
 
 
+# Largest distance between a gap's bank and the original land, as a multiple of margin and
+# tolerance: the excess allows for the errors of both and of the projection.
+_AT_LAND = 1.1
+# The same where there is neither, planar metres: rounding.
+_ON_LAND = 1e-3
+
+
 @dataclass(frozen=True, slots=True)
 class Water:
     """A chart that the cases of a run share, in projected metres divided by the scale.
 
-    `chart` has the simplified no-go zone, `land` is the original, unsimplified land.
+    `chart` has the simplified no-go zone, `land` is the original, unsimplified land; `added_m` is
+    how far the zone extends beyond it, at most (margin and tolerance, true metres).
     `second_shore`, `refused_m` and `depths` are as in Land. `is_planar` is True if the scenario
     gives its places in metres, and not on a chart.
     """
@@ -62,6 +72,30 @@ class Water:
     second_shore: tuple[Polygon, ...] = ()
     refused_m: float = math.inf
     depths: DepthCover | None = None
+    added_m: float = 0.0
+
+    def shores(self, gap: FloatArray) -> FloatArray | None:
+        """Return the line (2, 2) across a gap (2, 2) of the chart from shore to shore, planar m.
+
+        It is where the original land is closest; None if a bank of the gap is not land, and in a
+        plane, whose chart is the original land.
+        """
+        if self.is_planar:
+            return None
+        land = np.array(self.land, dtype=object)
+        return shore_to_shore(land, gap, _AT_LAND * self.added_m / self.projection.scale + _ON_LAND)
+
+    def width_m(self, gap: FloatArray) -> float:
+        """Return the width of a gap (2, 2) of the chart from shore to shore, true metres."""
+        shores = self.shores(gap)
+        return self.projection.geodesic_length_m(gap if shores is None else shores)
+
+    def true_m(self, length: Length) -> float:
+        """Return a length of a message in true metres; one across a gap has the margins there."""
+        if length.across is None:
+            return self.projection.scale * length.metres
+        margins_m = self.width_m(length.across) - self.projection.geodesic_length_m(length.across)
+        return self.projection.scale * length.metres + margins_m
 
     def place(self, place: FloatArray) -> Place:
         """Return a place (2,), planar metres, in degrees; in a plane it stays in metres."""

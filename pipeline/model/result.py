@@ -218,17 +218,29 @@ class ShutStrait:
     ----------
     lon, lat : the middle of its narrowest place, degrees.
     width_m : its width there, between the original coasts, true metres.
-    needed_m : the width above which it would be open.
+    needed_m : the width from which it would be open. That is the planner's figure for this strait
+        if it has one, else that of hard-over turns in still water, or of a clearance if wider.
+    padding_m : what of this is for turns or clearance, on both sides; the rest is for the chart's
+        margin and tolerance.
     by : the cause, margin or padding.
     seasons : the seasons in which it is shut; all if that does not depend on the current.
+    saves : the share of its time that the best way round shut straits is longer than the quickest
+        way through this one, both without padding; 0 where none is quicker.
+    way : the number of that way, from 1 on; 0 where none is quicker. The straits that share a
+        number lie on one way: all of them would have to be passed.
+    beside : the names of the land on its shores, as far as known.
     """
 
     lon: float
     lat: float
     width_m: float
     needed_m: float
+    padding_m: float
     by: Literal["margin", "padding"]
     seasons: tuple[str, ...] = ()
+    saves: float = 0.0
+    way: int = 0
+    beside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -408,7 +420,6 @@ class CaseResult:
         may have a way.
     arrive_by_s : where speeds are chosen, the latest arrival that the planner was asked for, in
         seconds on the planner's clock.
-    class_names : names of homotopy classes in the failure.
     ensemble : if the current has members.
     replanned : if the vessel is under way.
     """
@@ -419,7 +430,6 @@ class CaseResult:
     seconds: float
     is_shut: bool = False
     arrive_by_s: float = math.inf
-    class_names: tuple[str, ...] = ()
     ensemble: EnsembleFigures | None = None
     replanned: ReplanFigures | None = None
     measures: Measures = Measures()

@@ -59,7 +59,7 @@ def compare(
         class_islands,
         departures=chosen.choices,
     )
-    find = partial(shut_straits, pairs, result.stops, land.value, scenario.planner)
+    find = partial(shut_straits, pairs, scenario.planner, fetched.land.places)
     with late.kept("the search for shut straits"):
         straits = in_thread(partial(store.artefact, "straits", tuple, inputs, find))
         result = replace(result, straits=straits.value)
@@ -219,7 +219,7 @@ def straits_of(route: renew.Route, water: Water) -> Iterator[tuple[float, tuple[
         one, other = (set(coast[end == i].tolist()) for i in (0, 1))
         if one and other and not one & other:
             lon, lat = water.projection.to_lonlat(side.mean(axis=0)).tolist()
-            yield water.projection.geodesic_length_m(side), (lon, lat)
+            yield water.width_m(side), (lon, lat)
 
 
 def _cell_m(grid: CurrentGrid, lat: float) -> float:

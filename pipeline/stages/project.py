@@ -176,6 +176,7 @@ def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Wate
         second_shore=second_shore,
         refused_m=land.refused_m,
         depths=land.depths,
+        added_m=simplified.margin_m + simplified.tolerance_m,
     )
     check_endpoints(scenario, water)
     _ = chart.open_water  # worked out before it is stored: each case's bound needs it

@@ -120,8 +120,8 @@ def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: in
     return reached
 
 
-def widest_gap(triangulation: Triangulation, first: int, last: int) -> float:
-    """Return the width (m) of the narrowest passing edge on the widest way."""
+def widest_gap(triangulation: Triangulation, first: int, last: int) -> FloatArray | None:
+    """Return the narrowest passing edge (2, 2) on the widest way, m; None if it passes none."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -137,8 +137,14 @@ def widest_gap(triangulation: Triangulation, first: int, last: int) -> float:
     row = [first]
     while row[-1] != last:
         row.append(int(before[row[-1]]))
-    of_edge = dict(zip(zip(triangle.tolist(), beside.tolist(), strict=True), width, strict=True))
-    return min((float(of_edge[edge]) for edge in itertools.pairwise(row)), default=math.inf)
+    of_edge = {
+        edge: at for at, edge in enumerate(zip(triangle.tolist(), beside.tolist(), strict=True))
+    }
+    passed = [of_edge[edge] for edge in itertools.pairwise(row)]
+    if not passed:
+        return None
+    narrowest = passed[int(width[passed].argmin())]
+    return np.stack([a[narrowest], b[narrowest]])
 
 
 def surroundings(

@@ -35,8 +35,9 @@ class PlanOptions:
     risk : float
         1 - σ in (0, 1): the share of drawn turns that may reach beyond the padding of a triangle.
         At least 1e-9, six standard deviations: below that no padding can be computed. Padding that
-        is fitted to a route's turns begins with it; then all deviations of the current up to two
-        standard deviations must leave the turns clear of land.
+        is fitted to a route's turns begins with it, or with 0.05 if this is less, and where that
+        costs much with 0.5 as well; then all deviations of the current up to two standard
+        deviations must leave the turns clear of land.
     padding : "adaptive", "triangle", "none" or float
         Padding adapted to the current, the direction and the vessel: for each triangle that the way
         crosses (paper, ``"triangle"``), and then fitted to the turns of its own legs

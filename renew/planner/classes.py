@@ -36,6 +36,10 @@ _BESIDE = 4
 _NEARLY_BEST = 1.0005
 # Number of classes that are searched first for the best path.
 _FEW = 4
+# Distances from land, in v/ω, at which channels of a class are looked for that can't be steered.
+_FURTHER_OFF = 1.0, 2.0, 4.0
+# Numbers of classes that are searched by themselves as well, if a class is rejected.
+_FEWER = 4, 16, 64
 # If the dearest of these needs more than this ratio times the least fuel, later classes are assumed
 # to need even more.
 _CLEARLY_DEARER = 1.03
@@ -97,7 +101,7 @@ class ClassSearch:
         self._slipped: dict[Word, ClassPath] = {}
         self._done: set[Word] = set()
         self._fitted: set[Word] = set(self.found)
-        self._has_looked_for_free_ways = False
+        self._has_looked_further = False
 
     @property
     def all_found(self) -> Mapping[Word, ClassPath]:
@@ -165,6 +169,11 @@ class ClassSearch:
             # The best channel of all is also the best of its class, whichever islands it passes.
             self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
+        if self.rejected and not seen_all:
+            # A place that is blocked for a later class must not shut the way of an earlier one.
+            for few in itertools.takewhile(lambda few: few < classes, _FEWER):
+                self.plan_in_rounds(enumerator, few, self.add)
+        self._look_further_off(classes, dearest)
         count = len(self.found.keys() | self._too_dear.keys())
         is_enough = count >= classes or (
             self.found and (enumerator.has_many_triangles or math.isfinite(dearest))
@@ -180,6 +189,19 @@ class ClassSearch:
             for channel in scout.best_closely():
                 self._done.discard(channel.word)
                 self.add_variant(channel)
+
+    def _look_further_off(self, classes: int, dearest: float) -> None:
+        """Plan classes whose channels can't be steered in channels found further off land."""
+        problem = self._planner.problem
+        for ratio in _FURTHER_OFF:
+            width = ratio * problem.voyage.vessel.turning_radius
+            rejected = self.rejected.items()
+            words = {one for one, why in rejected if why.strait is None and one not in self.found}
+            if words and width > problem.likely_width:
+                for channel in problem.enumerator(width).up_to(dearest).channels(classes):
+                    if channel.word in words:
+                        self._done.discard(channel.word)
+                        self.add(channel)
 
     def plan(self, classes: int) -> Plan:
         """Return the routes of `classes` classes, least fuel first."""
@@ -205,17 +227,40 @@ class ClassSearch:
             if word not in self._fitted:
                 self._fitted.add(word)
                 self._keep(word, fitted(self._planner, known))
-        if self._planner.options.order == "fuel" and not self._has_looked_for_free_ways:
-            self._has_looked_for_free_ways = True
+        if self._planner.options.order == "fuel" and not self._has_looked_further:
+            self._has_looked_further = True
+            self._find_in_narrows(classes)
             self._find_free_ways(min(classes, _FREE_WAYS))
+
+    @property
+    def _is_padded_off(self) -> bool:
+        """Whether padding costs much, or shuts all ways."""
+        problem = self._planner.problem
+        bound = problem.voyage.vessel.fuel_rate * problem.scout(problem.likely_width).least_time
+        return self._least_fuel > _PADDED_OFF * bound
+
+    @property
+    def _least_fuel(self) -> float:
+        """The least fuel of a found path; inf if there is none."""
+        return min((one.fuel for one in self.found.values()), default=math.inf)
+
+    def _find_in_narrows(self, classes: int) -> None:
+        """Plan the classes again with little padding to begin with, if padding costs much."""
+        if not self._is_padded_off:
+            return
+        narrow = ClassSearch(self._planner.narrow)
+        narrow._has_looked_further = True
+        few = min(classes, _FEW) if len(self.found) >= classes else classes
+        narrow.find_first(few)
+        narrow.fit(few)
+        for word, found in narrow.all_found.items():
+            self._keep(word, found)
 
     def _find_free_ways(self, count: int) -> None:
         """Plan ways along which turns are free, if padding costs much or shuts all ways."""
-        planner, problem = self._planner, self._planner.problem
-        least = min((one.fuel for one in self.found.values()), default=math.inf)
-        bound = problem.voyage.vessel.fuel_rate * problem.scout(problem.likely_width).least_time
-        if least <= _PADDED_OFF * bound:
+        if not self._is_padded_off:
             return
+        planner, problem, least = self._planner, self._planner.problem, self._least_fuel
         found = set[Word]()
         for cell in CELLS:
             if not has_fine_roadmap(problem, cell) or (cell < CELLS[0] and self.found):
@@ -434,11 +479,14 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         return [Text(f"{what} would leave one, {{0}}", (_description(planner.route(search.best)),))]
 
     stops = [problem.triangulation.locate(stop) for stop in problem.voyage.stops]
-    gap = min(widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
+    gaps = (widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
+    widths = [Length(math.dist(*gap), gap) for gap in gaps if gap is not None]
     remedies = list[Text]()
     if not isinstance(options.padding, str) and options.padding > 0:
         remedies += planned_with('padding = "adaptive"', padding="adaptive")
-    if options.is_adaptive and (risk := _least_risk(route_with, options.risk)):
+    # Where padding is fitted to turns, risk matters little.
+    has_risk = options.is_adaptive and not planner.fits_padding
+    if has_risk and (risk := _least_risk(route_with, options.risk)):
         remedies += planned_with(f"a risk of {risk:g}", risk=risk)
     most = min(options.min_width or math.inf, max(map(_narrowest_gap, widest), default=0.0) / 2)
     if width := _largest_padding(route_with, most):
@@ -447,7 +495,9 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         fixed = {"padding": float(safe), "clearance": 0.0, "risk_at": "route"}
         remedies += planned_with(f"padding = {safe} (planar m)", **fixed)
     none = Text("no other risk or padding was found that leaves one")
-    return [Text("the widest way through has a gap of {0}", (Length(gap),)), *(remedies or [none])]
+    narrowest = sorted(widths, key=lambda width: width.metres)[:1]
+    said = [Text("the widest way through has a gap of {0}", (width,)) for width in narrowest]
+    return [*said, *(remedies or [none])]
 
 
 def _least_risk(route_with: Callable[..., Route | None], low: float) -> float | None:

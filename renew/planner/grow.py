@@ -45,10 +45,14 @@ def grown(corridor: Corridor, shortfall: Shortfalls) -> Corridor:
 
 @dataclass(frozen=True)
 class PaddingGrowth:
-    """Finds how much adaptive padding a path lacks in its corridor."""
+    """Finds how much adaptive padding a path lacks in its corridor.
+
+    If paddings `are_fitted` to turns, turns alone judge it.
+    """
 
     problem: Problem
     model: PaddingModel
+    are_fitted: bool = False
 
     @property
     def options(self) -> PlanOptions:
@@ -101,7 +105,8 @@ class PaddingGrowth:
     ) -> _Shortfall | None:
         """Return the shortfall for turns along a path (n, 2) between two stops, in all voyages."""
         voyage, padded = corridor.voyage, corridor.padded
-        short = colliding_edges(path, voyages, padded, self.problem.reach)
+        reach = self.problem.reach
+        short = colliding_edges(path, voyages, padded, reach, is_fitted=self.are_fitted)
         if short or self.options.risk_at == "route":
             return short
         return risky_edges(

@@ -39,6 +39,10 @@ from renew.voyage.voyage import Voyage
 
 # Other attempts are made if a path needs this many times as much fuel after steering as before.
 _DEAR = 1.01
+# Largest risk of the padding with which paths are searched first whose padding is then fitted to
+# their turns; and the risk of narrow padding, with which they are searched where that costs much.
+_WIDE = 0.05
+_NARROW = 0.5
 # Number of rounds of growing padding before a class is rejected.
 _MAX_ROUNDS = 8
 
@@ -61,7 +65,8 @@ class ClassPath(NamedTuple):
 class ClassPlanner:
     """Plans the best route of a class, with the padding `model` if one is given.
 
-    A `thorough` planner tries variants, and adds padding where a path can't be steered.
+    A `thorough` planner tries variants, and adds padding where a path can't be steered. A `narrow`
+    one begins with little padding, and relies on simulated turns alone.
     """
 
     def __init__(
@@ -70,13 +75,20 @@ class ClassPlanner:
         model: PaddingModel | None = None,
         *,
         thorough: bool = True,
+        narrow: bool = False,
     ) -> None:
         self.problem, self.is_thorough = problem, thorough
         voyage = problem.voyage
+        risk = problem.options.risk
+        if self.fits_padding:
+            risk = _NARROW if narrow else min(risk, _WIDE)
         self._model = model or PaddingModel(
-            problem.triangulation, voyage.waters.padded_for, voyage.vessel, problem.options
+            problem.triangulation,
+            voyage.waters.padded_for,
+            voyage.vessel,
+            replace(problem.options, risk=risk),
         )
-        self.growth = PaddingGrowth(problem, self._model)
+        self.growth = PaddingGrowth(problem, self._model, are_fitted=narrow)
 
     @property
     def options(self) -> PlanOptions:
@@ -99,6 +111,11 @@ class ClassPlanner:
             and self.is_thorough
             and not self.problem.voyage.has_price
         )
+
+    @cached_property
+    def narrow(self) -> "ClassPlanner":
+        """The planner of the same classes that begins with little padding."""
+        return ClassPlanner(self.problem, narrow=True)
 
     @cached_property
     def unpadded(self) -> "ClassPlanner":

@@ -12,7 +12,7 @@ the drawn turns than the risk allows may reach land from there.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -66,8 +66,6 @@ def passage_windows(
     return np.stack([early, late + voyage.vessel.turn_period], axis=1)
 
 
-_Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
-
 # Margin (share of v/ω) added to land, so that another seed, or a place between two stations, shows
 # no collision that the verification missed. When padding grows, this margin is added once more.
 _MARGIN = 0.05
@@ -106,13 +104,16 @@ def colliding_edges(
     padded: PaddedEdges,
     reach: TurnReach,
     speeds: FloatArray | None = None,
+    *,
+    is_fitted: bool = False,
 ) -> tuple[IntArray, FloatArray] | None:
     """Return constrained edges that turns along a path touch, and the padding they lack (m).
 
     None if no turn touches an edge in any of the voyages. These are one voyage in several currents,
     each by its own clock. `reach` bounds how far a turn can get. Turns begun in the part of V
     around a start or goal that itself lies in V are left out: no padding there could help. Turns
-    are simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
+    are simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed; in
+    the corners of their deviations, or all round them if padding is fitted to turns.
     """
     if not len(padded.edge):
         return None
@@ -120,7 +121,7 @@ def colliding_edges(
     chart = voyages[0].chart
     if not len(stations_near.close):
         return None
-    found = [stations_near.touched(flown, chart) for flown in stations_near.flown]
+    found = [stations_near.touched(flown, chart, is_fitted) for flown in stations_near.flown]
     if not (short := [one for one in found if one]):
         return None
     edges, lacking = (np.concatenate(parts) for parts in zip(*short, strict=True))
@@ -226,37 +227,33 @@ class _Near(NamedTuple):
         is_met = (apart <= padding[near] + beside) | (room < 0)
         return near[is_met], (apart - room)[is_met], room[is_met]
 
-    def touched(self, flown: _Flown, chart: Chart) -> tuple[IntArray, FloatArray] | None:
+    def touched(
+        self, flown: _Flown, chart: Chart, is_fitted: bool
+    ) -> tuple[IntArray, FloatArray] | None:
         """Return edges that turns from close stations touch in a field, and what they lack (m)."""
         close, (field, times, margin) = self.close, flown
         # Perturbed turns are left out where the unperturbed one stays so far off that none can
         # touch land.
         drift = (self.furthest[close] - 2 * self.vessel.turning_radius) / 2
         off = _max_offset(self.points[close], field, self.vessel, drift, times[close])
-        turns, track, _ = self._touching(close, field, times, margin + off, _CORNERS[:, :1])
+        start, end = self.padded.start, self.padded.end
+        turns, bounds, near = self._turns(close, field, times, _CORNERS[:, :1])
+        track, _ = tracks_touch(turns, bounds, near, start, end, margin + off)
         close = close[np.unique(track // turns.shape[1])]
         if not len(close):
             return None
         radius = np.full(len(close), margin)
-        turns, track, edge = self._touching(close, field, times, radius, _CORNERS)
-        if not len(track):
-            return None
-        tracks = turns.reshape(-1, *turns.shape[2:])
-        hit, back = np.unique(track, return_inverse=True)
-        return self.padded.edge[edge], _OVERSHOOT * _depths(tracks[hit], chart)[back] + 2 * margin
-
-    def _touching(
-        self,
-        chosen: IntArray,
-        field: CurrentField,
-        times: FloatArray,
-        radius: FloatArray,
-        deviations: FloatArray,
-    ) -> _Touching:
-        """Return turns from chosen stations, and which of them touch which edge."""
-        turns, bounds, edges = self._turns(chosen, field, times, deviations)
-        start, end = self.padded.start, self.padded.end
-        return turns, *tracks_touch(turns, bounds, edges, start, end, radius)
+        deviations = AROUND if is_fitted else _CORNERS
+        turns, bounds, near = self._turns(close, field, times, deviations)
+        edges, lacking = list[IntArray](), list[FloatArray]()
+        for lines in (turns, _between(turns)) if is_fitted else (turns,):
+            line, edge = tracks_touch(lines, bounds, near, start, end, radius)
+            hit, back = np.unique(line, return_inverse=True)
+            depths = _depths(lines.reshape(-1, *lines.shape[2:])[hit], chart)[back]
+            edges.append(self.padded.edge[edge])
+            lacking.append(_OVERSHOOT * depths + 2 * margin)
+        touched = np.concatenate(edges)
+        return (touched, np.concatenate(lacking)) if len(touched) else None
 
     def _turns(
         self, chosen: IntArray, field: CurrentField, times: FloatArray, deviations: FloatArray

@@ -73,8 +73,8 @@ def test_a_blocking_strait_is_named_with_its_width_and_what_the_padding_takes() 
     error = InfeasibleError.at_strait(strait)
     assert error.strait is strait
     assert str(error) == (
-        "blocked at (2, 1.5) m, between (0, 3) m and (4, 0) m: the gap is 5.00 m wide, and the "
-        "padding takes 2.50 m on the left and 3.00 m on the right bank"
+        "blocked at (2, 1.5) m, between (0, 3) m and (4, 0) m: the gap is 5.00 m wide, and "
+        "5.50 m are needed, with 2.50 m on the left and 3.00 m on the right bank for padding"
     )
     assert math.isclose(strait.width, np.linalg.norm(gap[1] - gap[0]))
 

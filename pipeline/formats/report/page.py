@@ -72,7 +72,7 @@ def render(report: dict[str, Any]) -> str:
         result=result,
         scenario=result.scenario,
         land=result.fetched.land,
-        straits=result.straits[:MAX_STRAITS],
+        straits=[one for one in result.straits if one.way][:MAX_STRAITS],
         position_text=position_text,
         # A strait's place, for a button.
         place_on_map=lambda strait: place_on_map(

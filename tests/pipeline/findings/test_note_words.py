@@ -163,10 +163,10 @@ def test_lengths_of_a_sentence_are_true_ones_at_a_scale() -> None:
     strait = Strait(gap, 0, 1, 2, 3.84, 0.25)
     shut = with_rejected(result, InfeasibleError.at_strait(strait), strait)
     (found,) = rejections(shut.case(shut.results[0].name))
-    assert found["lengths_m"] == pytest.approx([4150.0, 3840.0, 250.0])
+    assert found["lengths_m"] == pytest.approx([4150.0, 4090.0, 3840.0, 250.0])
     assert str(found["reason"]).endswith(
-        "the gap is 4.15 km wide, and the padding takes 3.84 km on the left and 250.0 m on the "
-        "right bank"
+        "the gap is 4.15 km wide, and 4.09 km are needed, with 3.84 km on the left and 250.0 m on "
+        "the right bank for padding"
     )
 
 

@@ -11,6 +11,7 @@ import shapely
 
 import renew
 from pipeline.findings.other_ways import shut_straits, side_bound
+from pipeline.findings.text import distance, planner_text
 from pipeline.findings.way_names import way_names
 from pipeline.model import (
     Case,
@@ -20,11 +21,11 @@ from pipeline.model import (
     Land,
     Measures,
     ShutStrait,
-    SimplifiedLand,
 )
 from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
+from renew.errors import Length
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import rows_of, with_rows
 from tests.true_scale import GEOD
@@ -58,8 +59,8 @@ def atoll(mouth_m: float) -> list[shapely.Polygon]:
 
 def straits(
     land: list[shapely.Polygon], clearance: float, vessel: dict[str, float]
-) -> tuple[tuple[ShutStrait, ...], Case, SimplifiedLand]:
-    """Plan round and between islands; return the straits that are shut, and the chart."""
+) -> tuple[tuple[ShutStrait, ...], Case, CaseResult]:
+    """Plan round and between islands; return the straits that are shut, and the plan."""
     asked: Scenario = small_run.scenario(
         scale=1.0,
         vessel=vessel,
@@ -83,9 +84,8 @@ def straits(
         scene.chart, scene.current, scene.vessel, scene.start, scene.goal,
         classes=4, clearance=clearance, distinct_by=2000.0,
     )  # fmt: skip
-    planned = [(scene, CaseResult("still", plan, "", 1.0))]
-    found = shut_straits(planned, scene.stops, simplified, asked.planner)
-    return found, scene, simplified
+    result = CaseResult("still", plan, "", 1.0)
+    return shut_straits([(scene, result)], asked.planner), scene, result
 
 
 def is_open(scene: Case, padding: float) -> bool:
@@ -98,6 +98,19 @@ def is_open(scene: Case, padding: float) -> bool:
     return bool(shapely.intersects(bodies[:, None], ends).all(axis=1).any())
 
 
+def ways_m(scene: Case) -> tuple[float, float]:
+    """Lengths of the way round the islands and of the straight way, planar metres."""
+    land = shapely.union_all(np.array(scene.water.land)).convex_hull
+    ends, ways = shapely.points(scene.stops), []
+    # Start and goal are corners of the hull round them and the islands.
+    hull = shapely.convex_hull(shapely.union(land, shapely.linestrings(scene.stops)))
+    for side in (1, -1):
+        ring = shapely.LinearRing(shapely.get_coordinates(hull.exterior)[::side])
+        begin, end = (ring.project(stop) for stop in ends)
+        ways.append((end - begin) % ring.length)
+    return min(ways), float(np.linalg.norm(scene.goal - scene.start))
+
+
 @pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     ("width_m", "clearance", "by"),
@@ -106,7 +119,7 @@ def is_open(scene: Case, padding: float) -> bool:
 def test_a_shut_strait_is_reported_with_its_place(
     width_m: float, clearance: float, by: str
 ) -> None:
-    found, scene, simplified = straits(islands(width_m), clearance, AGILE)
+    found, scene, _ = straits(islands(width_m), clearance, AGILE)
     assert is_open(scene, clearance) == (not by), "the oracle's own chart"
     assert is_open(scene, 0.0) == (by != "margin")
     assert [strait.by for strait in found] == [by] * bool(by)
@@ -114,22 +127,36 @@ def test_a_shut_strait_is_reported_with_its_place(
         assert strait.lat == pytest.approx(9.5, abs=1e-4)
         assert 119.5 <= strait.lon <= 119.7
         assert strait.width_m == pytest.approx(width_m, rel=2e-3)
-        margins_m = 2 * (simplified.margin_m + simplified.tolerance_m)
-        padding_m = 2 * clearance if by == "padding" else 0.0
-        assert strait.needed_m == pytest.approx(margins_m + padding_m)
-        assert strait.seasons == ()
+        assert strait.padding_m == pytest.approx(2 * clearance)
+        # Margin and tolerance are what they are there, where a class was refused, or the most.
+        assert strait.width_m < strait.needed_m
+        assert 0 < strait.needed_m - 2 * clearance <= 2 * (MARGIN_M + TOLERANCE_M) + 1e-6
+        assert strait.way == 1
+        around, through = ways_m(scene)
+        assert strait.saves == pytest.approx(1 - through / around, abs=0.01)
 
 
 def test_a_strait_with_wider_padding_than_most_is_found_by_its_rejected_class() -> None:
     radius = SLOW["speed_m_s"] / math.radians(SLOW["turn_rate_deg_s"])
     width_m = 2 * radius + 2 * (MARGIN_M + TOLERANCE_M) + 60
-    (strait,), scene, _ = straits(islands(width_m), 0.0, SLOW)
+    (strait,), scene, result = straits(islands(width_m), 0.0, SLOW)
     assert is_open(scene, radius)
     assert (strait.by, strait.seasons) == ("padding", ("still",))
     assert strait.lat == pytest.approx(9.5, abs=2e-3)
-    # Between corners of the coast as it is simplified, which need not face each other.
-    assert 0.99 * width_m <= strait.width_m < 1.2 * width_m
+    assert strait.width_m == pytest.approx(width_m, rel=2e-3)
     assert strait.needed_m > strait.width_m
+    assert strait.padding_m > 2 * radius
+    # One strait has one width, in whatever output.
+    assert result.plan is not None
+    shut = [one for one in result.plan.rejected if one.strait is not None]
+    assert shut
+    for one in shut:
+        width, needed, left, right = map(scene.water.true_m, one.text.values_of(Length))
+        assert (width, needed) == pytest.approx((strait.width_m, strait.needed_m), rel=1e-4)
+        assert left + right == pytest.approx(strait.padding_m, rel=1e-4)
+        assert distance(width) == distance(strait.width_m)
+        said = f"the gap is {distance(width)} wide, and {distance(needed)} are needed, with "
+        assert said in planner_text(one.text, scene)
 
 
 @pytest.mark.slow
@@ -152,7 +179,7 @@ def test_a_plane_and_a_run_without_routes_have_none() -> None:
     none = CaseResult("gyre", None, "no water", 0.0)
     for one in (result.results[0], none):
         planned, options = [(result.planned["gyre"], one)], result.scenario.planner
-        assert shut_straits(planned, result.stops, result.simplified, options) == ()
+        assert shut_straits(planned, options) == ()
 
 
 # --- The other side's bound: below every route there, and above the best if the detour is long ---

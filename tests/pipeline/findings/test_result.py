@@ -117,15 +117,20 @@ def test_missing_depths_are_reported_and_complete_ones_are_not() -> None:
 
 
 def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
-    widest = ShutStrait(119.871, 11.5244, 1579.4, 1714.0, "padding")
-    straits = (widest, replace(widest, width_m=300.0))
+    first = ShutStrait(119.871, 11.5244, 1579.4, 1714.0, 900.0, "padding", saves=0.214, way=1)
+    narrow = replace(first, lat=11.6, width_m=300.0, beside=("Isla Wellington",))
+    straits = (first, narrow, replace(first, way=2, saves=0.1), replace(first, way=0, saves=0.0))
     result = replace(with_shares(small_run.parts(), {}), straits=straits)
     assert note_texts(result.unknowns)[1] == (
-        "2 straits are shut by margin or padding; the widest, at 119.8710 E 11.5244 N, is 1.58 km "
-        "wide, and 1.71 km are needed"
+        "4 straits are shut by margin or padding; a way would be 21% shorter in time than the best "
+        "way round, both without padding, through the one at 119.8710 E 11.5244 N, which is "
+        "1.58 km wide where 1.71 km are needed and through the one at 119.8710 E 11.6000 N, beside "
+        "Isla Wellington, which is 300.0 m wide where 1.71 km are needed"
     )
-    (one,) = note_texts(replace(result, straits=(widest,)).unknowns)[1:]
-    assert one.startswith("1 strait is shut")
+    (one,) = note_texts(replace(result, straits=(first,)).unknowns)[1:]
+    assert one.startswith("1 strait is shut by margin or padding; a way would be 21% shorter")
+    # Straits that save nothing are no part of the answer.
+    assert len(note_texts(replace(result, straits=straits[-1:]).unknowns)) == 1
     planar = small_run.parts(planar=True)
     assert note_texts(planar.unknowns) == []
     assert note_texts(route_unknowns(planar.routes[0])) == []

@@ -220,7 +220,10 @@ def with_zones(result: RunResult, name: str = "Whale & calf", rule: str = "") ->
 
 def with_a_shut_strait(result: RunResult) -> RunResult:
     """The same run with a strait between its islands that counts as shut."""
-    return replace(result, straits=(ShutStrait(119.7, 9.55, 900.0, 1000.0, "padding"),))
+    return replace(
+        result,
+        straits=(ShutStrait(119.7, 9.55, 900.0, 1000.0, 760.0, "padding", saves=0.2, way=1),),
+    )
 
 
 def with_a_failed_season(result: RunResult) -> RunResult:

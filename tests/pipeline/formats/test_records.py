@@ -135,23 +135,30 @@ def test_the_manifest_names_a_failed_season(result: RunResult) -> None:
 
 
 def test_what_is_not_known_and_straits_are_in_the_manifest(result: RunResult) -> None:
-    straits = tuple(ShutStrait(119.5, 9.5, 900.0 - i, 1000.0, "padding") for i in range(12))
+    straits = tuple(
+        ShutStrait(119.5, 9.5, 900.0 - i, 1000.0, 760.0, "padding", saves=0.3 * (i < 2), way=i < 2)
+        for i in range(12)
+    )
     content = manifest(replace(result, straits=straits), [])
     unknown = content["unknown"]
     assert isinstance(unknown, list)
     assert unknown[0].startswith("no depths in this chart")
-    assert unknown[1].startswith("12 straits are shut by margin or padding; the widest, at 119.5")
+    assert unknown[1].startswith("12 straits are shut by margin or padding; a way would be 30%")
     assert content["shut_straits_in_all"] == 12
     listed = content["shut_straits"]
     assert isinstance(listed, list)
-    assert [one["width_m"] for one in listed] == [900.0 - i for i in range(10)]
+    assert [one["width_m"] for one in listed] == [900.0 - i for i in range(12)]
     assert json.loads(json.dumps(listed[0])) == {
         "lon": 119.5,
         "lat": 9.5,
         "width_m": 900.0,
         "needed_m": 1000.0,
+        "padding_m": 760.0,
         "by": "padding",
         "seasons": [],
+        "saves": 0.3,
+        "way": 1,
+        "beside": [],
     }
 
 

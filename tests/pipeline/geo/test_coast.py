@@ -15,6 +15,7 @@ from pipeline.geo.coast import (
     inner_land,
     opened,
     parted,
+    shore_to_shore,
     simplified,
     widest_path,
 )
@@ -320,3 +321,30 @@ def test_among_many_islets_the_way_passes_the_widest_gate_that_joins_the_ends(se
     assert shapely.distance(way, middle).min() < 1e-3
     crossed = [gate for gate in narrower if shapely.crosses(way, gate).any()]
     assert [gate.length for gate in crossed if gate.length < width - 1e-3] == []
+
+
+@settings(max_examples=20)
+@given(
+    corners=st.lists(st.tuples(st.floats(0, 900), st.floats(0, 900)), min_size=8, max_size=8),
+    apart=st.floats(80.0, 1500.0),
+    reach=st.floats(5.0, 60.0),
+)
+def test_from_shore_to_shore_is_measured_on_the_original_land(
+    corners: list[tuple[float, float]], apart: float, reach: float
+) -> None:
+    one, other = (
+        shapely.convex_hull(shapely.multipoints(half)).buffer(20.0)
+        for half in (corners[:4], corners[4:])
+    )
+    other = shapely.transform(other, lambda points: points + np.array([960 + apart, 0]))
+    land = np.array([one, other])
+    shortest = shapely.shortest_line(one, other)
+    wider = shapely.shortest_line(*shapely.buffer(land, 0.8 * reach))
+    gap = shapely.get_coordinates(wider)
+    found = shore_to_shore(land, gap[::-1], 1.02 * reach)
+    assert found is not None
+    assert np.linalg.norm(found[1] - found[0]) == pytest.approx(shortest.length, rel=0.01)
+    assert shapely.distance(shapely.points(found), land[::-1]) == pytest.approx(0.0, abs=1e-6)
+    # A bank that is further off is no shore, nor is one of open water.
+    assert shore_to_shore(land, gap, 0.7 * reach) is None
+    assert shore_to_shore(land[:1], gap, reach) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import networkx as nx
 import numpy as np
@@ -86,7 +87,10 @@ def test_the_widest_gap_is_that_of_the_best_of_all_ways(seed: int) -> None:
     other = max(nx.node_connected_component(dual, one))
     ways = nx.all_simple_edge_paths(dual, one, other)
     widest = max(min(dual.edges[edge]["width"] for edge in way) for way in ways)
-    assert widest_gap(triangulation, one, other) == pytest.approx(widest)
+    gap = widest_gap(triangulation, one, other)
+    assert gap is not None
+    assert math.dist(*gap) == pytest.approx(widest)
+    assert widest_gap(triangulation, one, one) is None
 
 
 @given(seed=seeds, layers=st.integers(0, 3))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import pickle
 import re
+from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -13,6 +16,8 @@ import shapely
 from shapely import Point, box
 
 import renew
+from experiments.environments.loading import load_environment, load_spec
+from pipeline.machine.store import Store
 from renew.classes import class_enumerator, roadmap
 from renew.errors import ClassName
 from renew.planner import classes
@@ -36,7 +41,9 @@ def test_a_blocked_class_names_its_strait_and_its_cost() -> None:
     assert np.sort(strait.gap[:, 0]) == pytest.approx([47, 53])
     assert "triangle" not in rejected.reason
     assert rejected.reason.startswith("blocked at (50, 45) m, between (")
-    assert "the gap is 6.00 m wide, and the padding takes 3.20 m on the left" in rejected.reason
+    assert (
+        "the gap is 6.00 m wide, and 6.40 m are needed, with 3.20 m on the left" in rejected.reason
+    )
     # A caller who knows longitude and latitude can spell the places in them.
     assert rejected.text.spelled(lambda place: f"<{place[0]:g}>").startswith("blocked at <50>")
     # The strait would be the short way: 80 m. The way round costs more because of the padding.
@@ -122,7 +129,67 @@ def test_a_gap_in_the_soft_zone_of_an_end_hides_no_risk_that_leaves_a_route(
     u = np.repeat(0.35 * np.sin(y / 0.7)[:, None], 2, axis=1)
     swirl = renew.GriddedCurrent(np.array([0.0, 40.0]), y, u, 0.0 * u)
     with pytest.raises(renew.UnreachableError, match=r"a risk of 0\.5 would leave one"):
-        renew.plan(chart, swirl, PAPER_VESSEL, (20, 10), (20, 42), risk=0.01)
+        renew.plan(chart, swirl, PAPER_VESSEL, (20, 10), (20, 42), risk=0.01, padding="triangle")
+
+
+# Requests on one water, each asking for less than the one before it, in v/ω where of width.
+LESS_AND_LESS: tuple[tuple[dict[str, Any], ...], ...] = (
+    ({"classes": 4}, {"classes": 16}, {"classes": 48}),
+    ({"risk": 0.05}, {"risk": 0.3}, {"risk": 0.5}),
+    ({"clearance": 2.0}, {"clearance": 0.6}, {"clearance": 0.0}),
+    ({"padding": 1.0}, {"padding": 0.5}, {"padding": 0.0}),
+)
+
+
+WIDTHS = "clearance", "padding"
+
+
+def fuels(seed: int, requests: tuple[dict[str, Any], ...]) -> list[float]:
+    """The best fuel for each request on a drawn water; inf where it is refused."""
+    scene, found = bounded_scene(seed), list[float]()
+    radius = scene.vessel.turning_radius
+    for request in requests:
+        widths = {name: request[name] * radius for name in request if name in WIDTHS}
+        try:
+            found.append(scene.plan(**{"classes": 4} | request | widths).best.fuel)
+        except renew.PlanningError:
+            found.append(math.inf)
+    return found
+
+
+@pytest.mark.parametrize(("seed", "of"), [(14, 0), (10, 1), (34, 1), (68, 1)])
+def test_a_request_for_less_needs_no_more_fuel(seed: int, of: int) -> None:
+    # These lost up to 23 %: the search with more classes, more risk or less padding shut ways.
+    for stricter, laxer in itertools.pairwise(fuels(seed, LESS_AND_LESS[of])):
+        assert laxer <= 1.001 * stricter
+
+
+@pytest.mark.slow
+def test_hardly_any_request_for_less_needs_more_fuel() -> None:
+    pairs = [
+        pair
+        for seed in range(0, 110, 2)
+        for requests in LESS_AND_LESS
+        for pair in itertools.pairwise(fuels(seed, requests))
+    ]
+    dearer = [laxer / stricter for stricter, laxer in pairs if math.isfinite(stricter)]
+    assert len(dearer) > 400
+    assert np.isfinite(dearer).all()
+    assert np.mean(np.array(dearer) > 1.001) <= 0.01
+
+
+@pytest.mark.slow
+def test_less_padding_never_shuts_a_side_of_palawan(tmp_path: Path) -> None:
+    # Near islets no way east can be steered at half a metre; further off land there is one.
+    spec = load_spec("palawan-as-published").model_copy(update={"scale": 1000})
+    environment, winter = load_environment(spec, Store(tmp_path)), spec.cases[1]
+    voyage, options = environment.voyage(winter), environment.options(winter)
+    asked = voyage.chart, voyage.current, voyage.vessel, voyage.start, voyage.goal
+    fuels = []
+    for padding in (1.0, 0.5, "none"):
+        options["padding"] = padding
+        fuels.append(renew.plan(*asked, **options).best.fuel)  # type: ignore[arg-type]
+    assert fuels == sorted(fuels, reverse=True)
 
 
 def test_a_reason_that_classes_share_is_given_once() -> None:

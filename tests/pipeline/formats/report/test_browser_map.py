@@ -386,7 +386,7 @@ def test_on_a_phone_a_reason_has_room(reader: Reader, result: RunResult, tmp_pat
     """A column of a few letters would make a row as tall as a screen."""
     entry, *others = result.results
     assert entry.plan is not None
-    reason = "blocked at 117.1221 E 8.1063 N: the gap is 4.15 m wide, and the padding takes 3.84 m"
+    reason = "blocked at 117.1221 E 8.1063 N: the gap is 4.15 m wide, and 7.84 m are needed"
     gone = renew.Rejected("p2.p4.p1", reason, entry.plan.routes[0].channel)
     plan = replace(entry.plan, rejected=(gone,))
     changed = replace(result, results=(replace(entry, plan=plan), *others))

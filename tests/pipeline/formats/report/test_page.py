@@ -366,8 +366,19 @@ def test_other_notes_are_no_warning(result: RunResult) -> None:
 
 def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
     straits = tuple(
-        ShutStrait(119.6, 9.5, 900.0 - i, 1000.0, "padding", ("winter",) if i == 0 else ())
-        for i in range(12)
+        ShutStrait(
+            119.6,
+            9.5,
+            900.0 - i,
+            1000.0,
+            760.0,
+            "padding",
+            ("winter",) if i == 0 else (),
+            saves=0.214 if i < 11 else 0.0,
+            way=min(1 + i // 2, 5) if i < 11 else 0,
+            beside=("Isla Wellington",) if i == 0 else (),
+        )
+        for i in range(14)
     )
     filled = with_rows(
         small_run.without_stand_ins(result),
@@ -394,10 +405,10 @@ def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
     cells = [[cell.flat_text for cell in row.children] for row in shut.all("tr")]
     assert len(cells) == 11
     assert cells[1] == [
-        *("119.6000 E 9.5000 N", "Show", "900.0 m", "1.00 km"),
+        *("1", "21.4 %", "119.6000 E 9.5000 N, Isla Wellington", "Show", "900.0 m", "1.00 km"),
         "padding, Winter (December)",
     ]
-    assert "2 narrower ones are not listed" in part.flat_text
+    assert "4 other straits are in manifest.json" in part.flat_text
     # What this part of the page says is not repeated as a note.
     notes = [item.flat_text for item in page.all("li") if item not in part.all("li")]
     assert "A note." in notes
