@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_118, 12),
     "pipeline/cli": (2_616, 6),
     "pipeline/findings": (3_506, 17),
-    "pipeline/formats": (7_841, 15),
+    "pipeline/formats": (7_822, 15),
     "pipeline/geo": (845, 4),
     "pipeline/machine": (1_628, 10),
     "pipeline/model": (1_466, 34),
