@@ -17,33 +17,33 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_430, 27),
     "pipeline": (1_118, 12),
-    "pipeline/cli": (2_610, 6),
-    "pipeline/findings": (3_511, 17),
+    "pipeline/cli": (2_616, 6),
+    "pipeline/findings": (3_506, 17),
     "pipeline/formats": (7_841, 15),
     "pipeline/geo": (845, 4),
     "pipeline/machine": (1_628, 10),
-    "pipeline/model": (1_464, 34),
+    "pipeline/model": (1_466, 34),
     "pipeline/nightly": (3_619, 28),
-    "pipeline/scenario": (2_549, 36),
-    "pipeline/serve": (1_477, 9),
-    "pipeline/sources": (8_189, 39),
-    "pipeline/stages": (4_665, 13),
-    "pipeline/voyage": (2_276, 9),
+    "pipeline/scenario": (2_558, 36),
+    "pipeline/serve": (1_484, 9),
+    "pipeline/sources": (9_501, 42),
+    "pipeline/stages": (4_698, 13),
+    "pipeline/voyage": (2_350, 9),
     "renew/bounds": (1_586, 8),
     "renew/classes": (2_396, 14),
     "renew/inputs": (2_055, 23),
     "renew/kernels": (2_044, 18),
     "renew/paths": (1_804, 9),
-    "renew/planner": (2_933, 9),
+    "renew/planner": (2_945, 9),
     "renew/steering": (889, 1),
     "renew/turns": (1_566, 13),
     "renew/underway": (2_094, 12),
     "renew/vary": (1_817, 9),
     "renew/voyage": (750, 5),
 }
-MOST_FILES = 213
+MOST_FILES = 216
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (55, 525)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (56, 526)}
 
 
 def modules(room: str) -> dict[Path, str]:

@@ -471,7 +471,7 @@ def warm() -> None:
 def _loaded(
     asked: str,
     output: Path,
-    charts: Path | None,
+    charts: Sequence[str] | None,
     currents: Sequence[str] | None,
     *,
     seasons: Sequence[str] = (),
@@ -484,6 +484,7 @@ def _loaded(
     from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import read_scenario
     from pipeline.scenario.loading import load_scenario
+    from pipeline.voyage.readers import read_charts
 
     notes: list[str] = []
     faults = Faults()
@@ -492,7 +493,12 @@ def _loaded(
     with failures.dating_earlier_results(output, file.table.get("name") if file else None):
         if file is None:
             raise RequestError(faults.lines)
-        read = partial(load_scenario, file, charts=charts, currents=currents or ())
+        try:
+            sources = read_charts(charts or ())
+        except ValueError as error:
+            sources = ()
+            faults.lines += [f"--charts {fault}" for fault in error.args]
+        read = partial(load_scenario, file, charts=sources, currents=currents or ())
         scenario = faults.collect(partial(read, on_note=notes.append))
         if scenario is not None:
             known = [season.name for season in scenario.seasons]

@@ -117,7 +117,7 @@ Json = Annotated[
 JsonOnly = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Output = Annotated[Path, _as_for_voyages("output")]
 Offline = Annotated[bool, _as_for_voyages("offline")]
-Charts = Annotated[Path | None, _as_for_voyages("charts")]
+Charts = Annotated[list[str] | None, _as_for_voyages("charts")]
 Currents = Annotated[list[str] | None, _as_for_voyages("currents")]
 ExplainGap = Annotated[bool, _as_for_voyages("explain_gap")]
 Strict = Annotated[bool, _as_for_voyages("strict")]

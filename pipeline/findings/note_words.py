@@ -17,6 +17,7 @@ import renew
 from pipeline.findings import text
 from pipeline.findings.choices import departure_text, replanned_text, trade_off_text
 from pipeline.findings.result import RunCase, RunResult
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.model import Note, Place, Water
 from renew.errors import Length, Moment, Strait
 
@@ -199,6 +200,16 @@ def _current_lacking(share: float, distance_m: float) -> str:
     )
 
 
+def _current_on_table(finest: float, step: float, *, is_turned: bool) -> str:
+    turned = ", and turned from the lines of its grid to east and north" * is_turned
+    coarser = f", where its finest cells are {_cell(finest)}" * (step > finest)
+    return f"the current was put on axes with a node every {_cell(step)}{coarser}{turned}"
+
+
+def _cell(degrees: float) -> str:
+    return text.distance(METRES_PER_DEGREE * degrees)
+
+
 def _ends(ends: Sequence[Note]) -> str:
     return f"{'; '.join(note_texts(ends))}. For more, {MORE_CURRENTS}"
 
@@ -218,6 +229,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "longitude, and {count:was|were} taken to cross 180 degrees there",
     "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
     "repaired (rings that cross or touch themselves)",
+    "chart-not-near": "{source} has nothing near the region",
     "chart-no-go": "no-go: all water except where the chart gives a depth of "
     "{safety_depth_m:g} m or more (draught plus under-keel clearance, at chart datum, without "
     "tide)",
@@ -249,6 +261,12 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-doubtful": "check {source}: {warning}",
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
+    "current-on-table": _current_on_table,
+    "current-gaps-filled": "the current had gaps at some times in {share:.1%} of its cells: they "
+    "were filled from the times before and after, up to {hours:g} hours away; {lost:.1%} have a "
+    "longer gap, and count as without data",
+    "current-means-lack": "the current's mean lacks some of its times in up to {share:.1%} of its "
+    "cells: it is the mean of those that are there, at least half",
     "current-over-depth": "the currents are means over depth, not of the surface",
     "current-stands-in": "planned on {source}, valid {valid}",
     "current-used": lambda source, valid: (
@@ -261,6 +279,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "forecasts-overlap": "{count:time step gives|time steps give} way to a later forecast, "
     "the latest of {reference:%Y-%m-%d %H:%M} UTC",
     "level-assumed": "the only level, {level} = {value:g}, is taken for the surface",
+    "level-by-name": "of {level} the index {at} is taken for the surface, by its name",
     "member-left-out": "a member of the current was left out: {reason}",
     "current-without-tide": "the currents are without tide",
     "constants-old": "the harmonic constants come from currents of {begin:%Y-%m-%d} to "

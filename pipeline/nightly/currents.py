@@ -144,7 +144,7 @@ def _issue(
     """Return the issue of the first usable source; add why the earlier sources can't be used."""
     for named in sources:
         try:
-            source = current_source(named, season.members)
+            source = current_source(named, season.members, season.current_variables)
             unavailable = source.unavailable_reason()
             if not unavailable:
                 issue = source.issue(season)
@@ -265,7 +265,7 @@ def _copy_forecast(output: Path, source: tuple[str, ...], season: Season) -> Non
 def _forecast_time(source: tuple[str, ...], season: Season) -> datetime | None:
     """Return the reference time of a source's files, or their last step; None without either."""
     try:
-        issue = CfFiles(source).issue(season)
+        issue = CfFiles(source, pair=season.current_variables).issue(season)
     except PipelineError:
         return None
     return issue.reference or issue.last_step

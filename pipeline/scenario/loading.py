@@ -8,7 +8,7 @@ import glob
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -32,7 +32,7 @@ _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 def load_scenario(
     asked: str | ScenarioFile,
     *,
-    charts: Path | None = None,
+    charts: Sequence[Mapping[str, Any]] = (),
     currents: Sequence[str | Path] = (),
     on_note: Callable[[str], None] | None = None,
 ) -> Scenario:
@@ -43,7 +43,7 @@ def load_scenario(
     asked
         The name, the path or the file. Relative paths in the file start at its own folder.
     charts
-        A vector file or a folder of S-57 cells that replaces the scenario's chart.
+        Tables of sources of land that replace those of the scenario's chart.
     currents
         Files that belong together, and sources of the catalogue in order of preference: they
         replace every season's currents; seasons that embedded tables lack are left out.
@@ -61,8 +61,8 @@ def load_scenario(
             f"{path} is TOML but not a scenario: it has no start, goal or seasons; {EXAMPLE}"
         )
     faults = Faults()
-    if charts is not None:
-        table = faults.collect(partial(_with_chart, table, charts)) or table
+    if charts:
+        table = _with_charts(table, charts)
     if currents:
         table, notes = faults.collect(partial(with_currents, table, currents)) or (table, [])
         if on_note is not None:
@@ -101,10 +101,9 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
     return scenario
 
 
-def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
-    """Replace a scenario's chart by the user's file or folder."""
-    chart = data.get("chart", {})
-    source = {"path": str(resolved(charts, "--charts"))}
+def _with_charts(data: dict[str, Any], charts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Replace a scenario's sources of land."""
+    chart, source = data.get("chart", {}), list(map(dict, charts))
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
 
 
@@ -359,6 +358,11 @@ def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> No
     faults = []
     for name in map(str, asked):
         if name in known or glob.has_magic(name):
+            continue
+        if "://" in name:
+            faults.append(
+                f"{key} {shown(name)} is an address; download it first, and give the file"
+            )
             continue
         reason = unreadable_reason(resolved(name, key))
         if reason == NOT_THERE:

@@ -352,6 +352,11 @@ class Season(StrictModel):
     """Sources of the current in order of preference; files that belong together form a list of
     their own; 'still' is no current at all; a table { constants = 'pass.nc', residual = 'still' }
     is tidal streams. Give sources' names (`renew list`), and paths of files."""
+    current_variables: tuple[str, str] | None = Field(
+        default=None, examples=[["water_u", "water_v"]]
+    )
+    """The two variables of files in 'currents' that are the current, east and north, or speed and
+    direction; by default they are found by their names. Give two names, or leave it out."""
     gyre: Gyre | None = Field(default=None, examples=[{"amplitude": 0.8}])
     """Gyres as the current of a plane scenario. Give a table with its amplitude."""
     uniform: Uniform | None = Field(default=None, examples=[{"u": 0.1, "v": 0.0}])

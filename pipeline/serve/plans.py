@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from pipeline.errors import Faults, PipelineError, RequestError
 from pipeline.machine.files import write_whole, writing
@@ -188,7 +188,10 @@ class _DrawnAreas(BaseModel):
                     "choose one, or give speed, length and turning_circle"
                 )
                 return ""
-            return faults.collect(lambda: str(files.path(text, option.key))) or ""
+            # Facts about a file may stand behind it: "ID,radius=50m".
+            one, comma, facts = text.partition("," if option.kind == "file" else "\0")
+            path = faults.collect(lambda: str(files.path(one, option.key)))
+            return f"{path}{comma}{facts}" if path else ""
 
         known = {
             option.key: catalogue.choices(option.section) if option.section else ()
@@ -216,7 +219,11 @@ def _field(option: Option) -> tuple[Any, Any]:
     if option.kind == "flag":
         return bool, Field(default=False, description=text)
     if option.most:
-        return tuple[kind, ...], Field(default=(), max_length=option.most, description=text)
+        # A single value need not be in a list.
+        several = Annotated[
+            tuple[kind, ...], BeforeValidator(lambda one: [one] if isinstance(one, str) else one)
+        ]
+        return several, Field(default=(), max_length=option.most, description=text)
     if option.is_required:
         return kind, Field(description=text, examples=[option.example])
     if option.kind == "file":

@@ -166,7 +166,7 @@ def _described(path: Path, dataset: "xr.Dataset") -> DepthFile:
         )
     roles = {axis_role(dataset, str(dim)): str(dim) for dim in array.dims if array.sizes[dim] > 1}
     if set(roles) != {"lat", "lon"}:
-        raise ValueError(grid_fault(dataset, array))
+        raise ValueError(grid_fault(array))
     attributes = {key.lower(): value for key, value in dataset.attrs.items()}
     return DepthFile(
         path=path,

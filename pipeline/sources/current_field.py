@@ -32,13 +32,14 @@ class Field:
     """A current on a grid at one time, or at several that have the same gaps.
 
     Ascending lon (nx,) and lat (ny,) in degrees; u, v (ny, nx) or (nt, ny, nx) in m/s, NaN where
-    there are no data.
+    there are no data. `outside` (ny, nx) are nodes that the source does not reach: land or water.
     """
 
     lon: FloatArray
     lat: FloatArray
     u: FloatArray
     v: FloatArray
+    outside: BoolArray | None = None
 
     @property
     def gap(self) -> BoolArray:
@@ -201,17 +202,18 @@ def find_shift(field: Field, mask: LandMask) -> tuple[float, float, int, int] | 
         return None
     rows, columns, reach = window
     lon, lat, gap = field.lon[columns], field.lat[rows], field.gap[rows, columns]
-    if gap.all() or not gap.any():
+    known_gap = gap if field.outside is None else gap & ~field.outside[rows, columns]
+    if gap.all() or not known_gap.any():
         return None
     entirely = _land_shares(lon, lat, field.cell_deg, mask, reach)
     land, water = entirely(0, 0)
-    fewest_mismatches, best = int((land & ~gap).sum() + (water & gap).sum()), None
+    fewest_mismatches, best = int((land & ~gap).sum() + (water & known_gap).sum()), None
     stride = max(1, max(reach) // _TRIALS_PER_SIDE)
     trials = [range(-most + most % stride, most + 1, stride) for most in reach]
     for east in trials[0]:
         for north in trials[1]:
             moved_land, moved_water = entirely(east, north)
-            mismatches = int((moved_land & ~gap).sum() + (moved_water & gap).sum())
+            mismatches = int((moved_land & ~gap).sum() + (moved_water & known_gap).sum())
             if mismatches < fewest_mismatches:
                 fewest_mismatches = mismatches
                 explained = int((land & ~gap).sum() - (moved_land & ~gap).sum())

@@ -187,7 +187,7 @@ _MAX_TIMES = 3
 def assess_series(
     fields: Iterable[Field], labels: Sequence[str], mask: LandMask, limit_m_s: float
 ) -> Assessment:
-    """Assess the speeds, directions and gaps of fields on one grid, and the first one's position.
+    """Assess the speeds and directions of fields on one grid, and the first one's position.
 
     Fields are taken one after the other, as all of them may not fit in memory. `labels` are their
     times as text, which are not used for a single field.
@@ -195,13 +195,10 @@ def assess_series(
     first: Field | None = None
     speeds: list[Assessment] = []
     directions: list[Assessment] = []
-    changed: dict[str, int] = {}
-    for label, field in zip(labels, fields, strict=True):
+    for field in fields:
         first = first or field
         speeds.append(assess_speeds(field, limit_m_s))
         directions.append(Assessment() if speeds[-1].faults else assess_directions(field))
-        if cells := int((field.gap != first.gap).sum()):
-            changed[label] = cells
     assessment = _at_times(speeds, labels)
     if first is not None and not assessment.faults:
         assessment += assess_position(first, mask)
@@ -213,13 +210,7 @@ def assess_series(
             if 2 * len(doubts) > len(directions):
                 assessment += doubts[0]
                 break
-    changed_gaps = [
-        f"{cells} cells have data either at {label} or at {labels[0]}, not at both: its land and "
-        "its gaps must be the same at all times: fill them in time, as with xarray's "
-        "`interpolate_na`, and take cells that still have some out of all times"
-        for label, cells in changed.items()
-    ]
-    return assessment + Assessment(_first_few(changed_gaps))
+    return assessment
 
 
 def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:

@@ -8,7 +8,7 @@ import csv
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import assert_never
@@ -45,8 +45,14 @@ def charted_land(scenario: Scenario) -> LandSource:
 def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_TIDE) -> LandSource:
     """Return all of a chart's sources as one; a chart with depths needs the draught, with squat."""
     from pipeline.sources.combined_charts import Overlay
+    from pipeline.sources.land.vector import VectorFile
 
     sources = tuple(_single_source(source, chart, draught_m, tide) for source in chart.source)
+    if not all(isinstance(source, VectorFile) for source in sources):
+        sources = tuple(
+            replace(source, is_addition=True) if isinstance(source, VectorFile) else source
+            for source in sources
+        )
     overlay = Overlay(sources, _refused_m(sources))
     if not chart.depths:
         return overlay
@@ -113,23 +119,28 @@ def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> D
     return DepthRule(draught_m + chart.under_keel_clearance_m, tide)
 
 
-def current_source(named: Currents, members: MembersSpec | None = None) -> CurrentSource:
+def current_source(
+    named: Currents,
+    members: MembersSpec | None = None,
+    variables: tuple[str, str] | None = None,
+) -> CurrentSource:
     """Return the source of currents that a catalogue entry names, or that files make together.
 
     If `members` says that the files hold members, the source gives their mean, and each of them.
+    `variables` are those of the files that are the current; by default they are found.
     """
     if isinstance(named, StreamConstants):
         from pipeline.sources.cf.adapter import TidalStreams
 
-        return TidalStreams.of(named)
+        return TidalStreams.of(named, variables)
     if not isinstance(named, str) and members is not None and members.along:
         from pipeline.sources.cf.adapter import CfMembers
 
-        return CfMembers(named, members)
+        return CfMembers(named, members, variables)
     if not isinstance(named, str):
         from pipeline.sources.cf.adapter import CfFiles
 
-        return CfFiles(named)
+        return CfFiles(named, pair=variables)
     spec = catalogue.source(named)
     if spec.adapter == "embedded-table":
         return EmbeddedTable(spec)

@@ -185,7 +185,8 @@ class Fetcher:
         passed_over: list[tuple[str, str]] = []
         was_tried = False
         for named in season.currents:
-            source, name = current_source(named, season.members), source_name(named)
+            source = current_source(named, season.members, season.current_variables)
+            name = source_name(named)
             key = artefact_key("current", source.identity(season), self._outline, season.name)
             # A stored current needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)

@@ -164,7 +164,7 @@ def _covered_by(
     ends = least_region(direct.start, direct.goal)
     reasons = []
     for named in season.currents:
-        source = current_source(named, season.members)
+        source = current_source(named, season.members, season.current_variables)
         name = source_name(named)
         reason = source.uncovered_reason(ends, season)
         if not reason and source.needs_network(ends, season, folder):

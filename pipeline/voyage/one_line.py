@@ -64,14 +64,15 @@ def go(
     until: datetime | None = None,
     arrive_by: datetime | None = None,
     currents: Sequence[str | Path] = (),
+    current_variables: str | Sequence[str] = "",
     via: Sequence[str | tuple[float, float]] = (),
-    avoid: Sequence[Path] = (),
+    avoid: Sequence[str | Path] = (),
     havens: Path | None = None,
     within: str = "",
     endurance: str = "",
     clearance_m: float | None = None,
     snap_m: float = SNAP_M,
-    charts: Path | None = None,
+    charts: str | Path | Sequence[str | Path] = (),
     depths: Path | None = None,
     datum: str = "",
     tide: Sequence[str | Path] = (),
@@ -142,7 +143,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     """
     start, goal = joined(request.start, request.goal)
     via = tuple(continued(point, start.lon) for point in request.via)
-    members = _given(members=request.members)
+    about = _given(members=request.members, current_variables=request.current_variables)
     clearance_m, snap_m = request.clearance_m, request.snap_m
     data: dict[str, Any] = {
         "schema_version": 1,
@@ -157,7 +158,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
             else [point.lon, point.lat]
             for point in via
         ],
-        "seasons": [season | members for season in _seasons(request, (start, goal))],
+        "seasons": [season | about for season in _seasons(request, (start, goal))],
         "planner": {"snap": snap_m} | ({} if clearance_m is None else {"clearance": clearance_m}),
         **_tables_of_files(request),
     }
@@ -206,14 +207,14 @@ def _given(**entries: object) -> dict[str, Any]:
 def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
     """Return the tables of a scenario that name files: chart, areas to avoid, havens and tide."""
     chart = _given(
-        source=request.charts and {"path": str(request.charts)},
+        source=list(request.charts),
         depths=request.depths and str(request.depths),
         datum=request.datum,
     )
     limits = _given(within=request.within, endurance=request.endurance)
     return _given(
         chart=chart,
-        avoid=[{"path": str(path)} for path in request.avoid],
+        avoid=list(request.avoid),
         havens=request.havens and {"path": str(request.havens), **limits},
         tide=request.tide and {"stations": list(request.tide)},
     )

@@ -5,12 +5,13 @@ with the text, the reason and the remedy. `pipeline/voyage/positions.py` reads p
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.machine.paths import NOT_THERE, expanded, resolved, shown, unreadable_reason
+from pipeline.voyage.table import each
 
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import VesselSpec
@@ -145,6 +146,46 @@ def readable(remedy: str) -> Callable[[str | Path], Path]:
     return read
 
 
+# What stands behind a file's path, "rocks.geojson,radius=50m": how it is read, and its key in a
+# scenario.
+_FACTS: Mapping[str, tuple[Callable[[str], Any], str]] = {
+    "layer": (str, "layer"),
+    "crs": (str, "crs"),
+    "radius": (dimension_m, "radius_m"),
+    "accuracy": (dimension_m, "accuracy_m"),
+}
+
+
+def vector_file(remedy: str, facts: Sequence[str] = tuple(_FACTS)) -> Callable[[Any], Any]:
+    """Return a reader of a file and some facts about it, which gives a scenario's table.
+
+    `remedy` is as for `readable`.
+    """
+    check = readable(remedy)
+
+    def read(given: str | Path) -> dict[str, Any]:
+        path, *pieces = re.split(rf",(?=(?:{'|'.join(_FACTS)})=)", str(given))
+        table: dict[str, Any] = {}
+        for name, _, text in (piece.partition("=") for piece in pieces):
+            if name not in facts:
+                raise ValueError(f"{given}: give no {name}, but {', '.join(facts)}")
+            value, key = _FACTS[name]
+            table[key] = value(text)
+        return {"path": str(check(path)), **table}
+
+    return read
+
+
+def read_charts(given: str | Path | Sequence[str | Path]) -> tuple[dict[str, Any], ...]:
+    """Read charts: names of the catalogue, and files with facts about them, as tables."""
+    from pipeline.scenario import catalogue
+
+    known = catalogue.names("sources")
+    file = vector_file("give a vector file, a folder of S-57 cells, or osm-land")
+    texts = [given] if isinstance(given, str | Path) else given
+    return each(lambda one: {"name": str(one)} if str(one) in known else file(one))(texts)
+
+
 def read_currents(given: Sequence[str | Path]) -> tuple[str, ...]:
     """Read sources of the catalogue and paths of files; patterns are looked up later."""
     from pipeline.scenario.loading import require_currents
@@ -152,6 +193,14 @@ def read_currents(given: Sequence[str | Path]) -> tuple[str, ...]:
     currents = tuple(map(str, given))
     require_currents(currents, "")
     return currents
+
+
+def read_variables(given: str | Sequence[str]) -> tuple[str, str]:
+    """Read the names of two variables: "water_u,water_v"."""
+    names = given.replace(",", " ").split() if isinstance(given, str) else list(given)
+    if len(names) != 2:
+        raise ValueError(f"{' '.join(names)!r} is not two names; give them as water_u,water_v")
+    return names[0], names[1]
 
 
 def read_station(given: str | Path) -> str:

@@ -16,15 +16,18 @@ from pipeline.voyage.positions import EXAMPLES, Position, read_end, read_positio
 from pipeline.voyage.readers import (
     RANGE,
     dimension_m,
+    read_charts,
     read_clearance_m,
     read_currents,
     read_members,
     read_months,
     read_name,
     read_station,
+    read_variables,
     read_vessel,
     readable,
     speed_or_range,
+    vector_file,
     zoned_time,
 )
 from pipeline.voyage.table import Asker, Option, each, read, read_folder
@@ -164,6 +167,17 @@ class VoyageRequest:
             "Or a source of the catalogue; 'still' plans without currents.",
         ),
     ] = ()
+    current_variables: Annotated[
+        tuple[str, str] | None,
+        _water(
+            read=read_variables,
+            metavar="U,V",
+            label="Variables of the current",
+            example="found by their names",
+            help="The two variables of {currents} that are the current, east and north, or speed "
+            "and direction, as water_u,water_v; by default they are found by their names.",
+        ),
+    ] = None
     via: Annotated[
         tuple[Position, ...],
         _limits(
@@ -177,15 +191,18 @@ class VoyageRequest:
         ),
     ] = ()
     avoid: Annotated[
-        tuple[Path, ...],
+        tuple[dict[str, Any], ...],
         _limits(
             kind="file",
-            read=each(readable("give a vector file, such as GeoJSON")),
+            read=each(
+                vector_file("give a vector file, such as GeoJSON", ("layer", "crs", "radius"))
+            ),
             most=_MAX_FILES,
             metavar="FILE",
             layer="polygon",
             label="Shut areas, a vector file",
-            help="GeoJSON or other vector file of areas that no route may enter; may be repeated.",
+            help="GeoJSON or other vector file of areas that no route may enter; may be repeated. "
+            "'FILE,layer=NAME', ',crs=EPSG:4326' and ',radius=50m' as for {charts}.",
         ),
     ] = ()
     havens: Annotated[
@@ -238,15 +255,20 @@ class VoyageRequest:
         ),
     ] = SNAP_M
     charts: Annotated[
-        Path | None,
+        tuple[dict[str, Any], ...],
         _water(
             kind="file",
-            read=readable("give a vector file, or a folder of S-57 cells"),
+            read=read_charts,
+            most=_MAX_FILES,
+            metavar="FILE",
             layer="polygon",
             label="Land, a vector file",
-            help="A vector file or a folder of S-57 cells, in place of the chosen chart.",
+            help="A vector file or a folder of S-57 cells, in place of the chosen chart; may be "
+            "repeated, also with osm-land, the world's land: what one of them shuts is shut. "
+            "'FILE,layer=NAME', ',crs=EPSG:4326', ',radius=50m' (around its points and lines) and "
+            "',accuracy=5m' say what the file does not.",
         ),
-    ] = None
+    ] = ()
     depths: Annotated[
         Path | None,
         _water(
@@ -449,13 +471,15 @@ def _faults_of_months(
 
 
 def _faults_of_files(asked: SimpleNamespace, at: SimpleNamespace) -> Iterator[str]:
-    """Yield what is wrong between havens and their limits, and between depths and their datum."""
+    """Yield what is wrong between havens and their limits, and between files and their options."""
     limits = [getattr(at, name) for name in ("within", "endurance") if getattr(asked, name)]
     if limits and not asked.havens:
         verb = "limit" if len(limits) > 1 else "limits"
         yield f"{', '.join(limits)} {verb} the way to a haven; add {at.havens} FILE"
     if asked.havens and not limits:
         yield f"{at.havens} needs a limit; add {at.within} 6h or {at.endurance} 2d, or both"
+    if asked.current_variables and not asked.currents:
+        yield f"{at.current_variables} are those of files; add {at.currents} FILE"
     if asked.datum and not asked.charts and not asked.depths:
         yield (f"{at.datum} = {asked.datum!r} is of charted depths; add {at.depths} or {at.charts}")
 

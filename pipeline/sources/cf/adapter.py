@@ -36,6 +36,7 @@ from pipeline.sources.cf.fields import (
     SelectedSteps,
     coverage_faults,
     covered_bounds,
+    filled_in_time,
     find_window,
     steps_of_season,
     stream_steps,
@@ -70,12 +71,13 @@ class CfFiles(CurrentSource):
 
     They have the fields of time steps, or harmonic constants; `with_mean` adds the mean that the
     file of constants has. `index` is the name of a further dimension, and the only place along it
-    that is read.
+    that is read. `pair` names the variables that are the current; by default they are found.
     """
 
     paths: tuple[str, ...]
     with_mean: bool = True
     index: tuple[str, int] | None = None
+    pair: tuple[str, str] | None = None
 
     def identity(self, case: Season) -> tuple[str, ...]:
         """Return hashes of the files that contain the case's steps; "nothing" without any."""
@@ -87,12 +89,13 @@ class CfFiles(CurrentSource):
         about = f"{case.period.begin}" if case.is_changing else case.resolved_time_method
         mean = f"{self.with_mean}" if contents.constituents else ""
         at = "" if self.index is None else "{} {}".format(*self.index)
-        return ("cf", *hashes, case.valid, about, selected.valid, mean + at)
+        pair = self.pair or ()
+        return ("cf", *hashes, case.valid, about, selected.valid, mean + at, *pair)
 
     def uncovered_reason(self, region: Polygon, case: Season) -> str:
         """Say why the files can't give the case's current; empty when they can."""
         try:
-            contents = self.contents()
+            contents = self.contents().on_axes(region.bounds)
         except RequestError as error:
             return "; ".join(error.faults)
         faults = coverage_faults(contents, region.bounds)
@@ -106,7 +109,7 @@ class CfFiles(CurrentSource):
         """Return the part that the files' grid covers."""
         del case
         try:
-            return covered_bounds(self.contents(), region.bounds)
+            return covered_bounds(self.contents().on_axes(region.bounds), region.bounds)
         except RequestError:
             return None
 
@@ -130,6 +133,7 @@ class CfFiles(CurrentSource):
             contents, selected = self._selected(case)
         except ValueError as error:
             raise RequestError(f"{name_of(find_files(self.paths))}: {error}") from None
+        contents = contents.on_axes(region.bounds)
         lon_deg, lat_deg = contents.largest_cell
         bounds = widened(region.bounds, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
         if contents.constituents:
@@ -160,7 +164,8 @@ class CfFiles(CurrentSource):
     def contents(self) -> Contents:
         """Read the files' contents, again only when the files have changed."""
         files = find_files(self.paths)
-        return _read_version(files, tuple(_stamp(file) for file in files), self.index)
+        stamps = tuple(_stamp(file) for file in files)
+        return _read_version(files, stamps, self.index, self.pair)
 
 
 def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
@@ -172,11 +177,14 @@ def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str
 
 @lru_cache(maxsize=4)
 def _read_version(
-    files: tuple[Path, ...], stamps: tuple[str, ...], index: tuple[str, int] | None
+    files: tuple[Path, ...],
+    stamps: tuple[str, ...],
+    index: tuple[str, int] | None,
+    pair: tuple[str, str] | None,
 ) -> Contents:
     """Read the contents of files with these stamps."""
     del stamps
-    return read_contents(files, index)
+    return read_contents(files, index, pair)
 
 
 def _stamp(file: Path) -> str:
@@ -291,19 +299,27 @@ def read_checked_fields(
             assessment = assess_series(fields(), selected.labels, mask, _SPEED_LIMIT_M_S)
     except ValueError as error:
         raise RequestError(str(error)) from None
+    u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
+    field, gap_notes = filled_in_time(Field(lon, lat, u, v), selected.times_s)
+    if reader.partly:
+        gap_notes += (Note.of("current-means-lack", share=reader.partly),)
+    # The gaps that count are those that are left.
+    first = replace(first, u=first.u.copy(), v=first.v.copy())
+    inside = np.ix_(inside_y, inside_x)
+    first.u[inside], first.v[inside] = field.u[0], field.v[0]
     assessment += _assess_gaps(first, mask, region.bounds)
-    if kept[0].gap.all():
+    if field.gap.all():
         assessment += Assessment(("it has no data in the region",))
     if assessment.faults:
         reason = "; ".join(assessment.faults)
         raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
-    u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
     notes = (
         *zero_notes,
+        *gap_notes,
         *water_without_data(first, mask, region),
         *assessment.doubts(name),
     )
-    return Field(lon, lat, u, v), notes
+    return field, notes
 
 
 def _zeros_on_land(
@@ -331,7 +347,7 @@ def _without(field: Field, cells: BoolArray | None) -> Field:
     if cells is None:
         return field
     u, v = (np.where(cells, np.nan, part) for part in (field.u, field.v))
-    return Field(field.lon, field.lat, u, v)
+    return replace(field, u=u, v=v)
 
 
 def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
@@ -359,6 +375,7 @@ class CfMembers(CurrentSource):
 
     paths: tuple[str, ...]
     spec: MembersSpec
+    pair: tuple[str, str] | None = None
 
     def identity(self, case: Season) -> tuple[str, ...]:
         """Return what each member depends on, and the weights."""
@@ -447,7 +464,8 @@ class CfMembers(CurrentSource):
             if len(set(names)) < len(names):
                 names = [file.name for file in files]
             members = [
-                (name, CfFiles((str(file),))) for name, file in zip(names, files, strict=True)
+                (name, CfFiles((str(file),), pair=self.pair))
+                for name, file in zip(names, files, strict=True)
             ]
             what = f"{len(members)} file{'s' * (len(members) != 1)}"
         elif self._are_cycles:
@@ -458,15 +476,18 @@ class CfMembers(CurrentSource):
                     f"{', '.join(folder.name for folder in folders)}"
                 )
             members = [
-                (folder.name, CfFiles(tuple(str(file) for file in files if file.parent == folder)))
+                (folder.name, CfFiles(tuple(map(str, own)), pair=self.pair))
                 for folder in folders
+                if (own := [file for file in files if file.parent == folder])
             ]
             what = f"{len(members)} folder{'s' * (len(members) != 1)}"
         else:
             along = self.spec.along
             size = _size_along(files, along)
             each = [(f"{along} {at}", (along, at)) for at in range(size)]
-            members = [(name, CfFiles(self.paths, index=index)) for name, index in each]
+            members = [
+                (name, CfFiles(self.paths, index=index, pair=self.pair)) for name, index in each
+            ]
             what = f"{size} along {along}"
         least = 1 if self._are_cycles else _LEAST
         if not least <= len(members) <= _MOST:
@@ -532,10 +553,10 @@ class TidalStreams(CfFiles):
     residual: CfFiles | None = None
 
     @classmethod
-    def of(cls, named: StreamConstants) -> Self:
-        """Return the source that a scenario names."""
+    def of(cls, named: StreamConstants, pair: tuple[str, str] | None = None) -> Self:
+        """Return the source that a scenario names; `pair` are the variables of the residual."""
         given = named.residual
-        files = None if given is None or given == STILL else CfFiles(tuple(given))
+        files = None if given is None or given == STILL else CfFiles(tuple(given), pair=pair)
         return cls((named.constants,), with_mean=given is None, residual=files)
 
     def identity(self, case: Season) -> tuple[str, ...]:

@@ -29,7 +29,11 @@ from pipeline.texts import clean
 if TYPE_CHECKING:
     import xarray as xr
 
-_DEGREES = {"lon": ("degrees_east", "degree_east"), "lat": ("degrees_north", "degree_north")}
+# Units of longitude and latitude as CF 4.1 and 4.2 spell them, in lower case.
+_DEGREES = {
+    kind: tuple(f"degree{s}{direction}" for s in ("", "s") for direction in directions)
+    for kind, directions in (("lon", ("_east", "_e", "e")), ("lat", ("_north", "_n", "n")))
+}
 _AXIS_NAMES = {
     "lon": {"lon", "longitude"},
     "lat": {"lat", "latitude"},
@@ -45,8 +49,6 @@ _METRES = ("m", "meter", "meters", "metre", "metres", "dbar", "decibar")
 _NUMBERS = ("", "1", "level", "levels", "layer", "sigma_level")
 # Beginnings of the standard names of levels whose values grow upwards.
 _UPWARD = ("ocean_", "height", "altitude")
-SWAP = "make its coordinate the axis, if it has one, as with xarray's `swap_dims({'x': 'lon'})`"
-"""The remedy where an axis may have its values under another name."""
 # Largest longitude, degrees: an axis is unwrapped, and so may go on beyond 360.
 _MAX_LON = 720.0
 # Largest latitude, degrees: some files end half a cell beyond a pole.
@@ -65,7 +67,7 @@ def axis_role(dataset: "xr.Dataset", dim: str) -> str:
     if standard.startswith(("grid_", "projection_")):
         return ""  # of a turned grid, or in metres
     for kind, long in (("lon", "longitude"), ("lat", "latitude")):
-        if standard == long or units in _DEGREES[kind]:
+        if standard == long or units.lower() in _DEGREES[kind]:
             return kind
     if standard == "time" or " since " in units or attributes.get("axis") == "T":
         return "time"
@@ -78,29 +80,32 @@ def axis_role(dataset: "xr.Dataset", dim: str) -> str:
     return ""
 
 
-def grid_fault(dataset: "xr.Dataset", array: "xr.DataArray") -> str:
-    """Say what kind of grid a variable has that is not along longitude and latitude."""
+def grid_fault(array: "xr.DataArray", pole: str = "") -> str:
+    """Say that a variable's grid is not known; `pole` is a mapping with a pole of its own."""
     dims = ", ".join(f"{dim} ({size})" for dim, size in array.sizes.items())
-    remedy = (
-        "turn components that are along its lines to east and north first, and then put them on a "
-        "regular grid, as in docs/how-to/own-currents.md, 'A turned grid'"
-    )
-    for name, other in dataset.variables.items():
-        is_lon = other.attrs.get("standard_name") == "longitude" or "lon" in str(name).lower()
-        if is_lon and other.ndim == 2 and set(other.dims) <= set(array.dims):
-            along = ", ".join(map(str, other.dims))
-            return f"{array.name}'s grid is curvilinear ({name} is along {along}); {remedy}"
     return (
-        f"{array.name} is along {dims}, not along a latitude and a longitude; {SWAP}, or {remedy}"
+        f"{array.name} is along {dims}, and nothing says at which longitude and latitude its "
+        "values are; give the file with its lon and lat, on axes or for each point"
+        + (
+            f"; or take {pole} away, a mapping with a pole of its own, if it is none"
+            if pole
+            else ""
+        )
     )
 
 
-def surface_level(dataset: "xr.Dataset", dim: str) -> tuple[int, list[Note]]:
-    """Return the index of the uppermost level, and notes; ValueError if it can't be told."""
+def surface_level(dataset: "xr.Dataset", dim: str, along: str = "") -> tuple[int, list[Note]]:
+    """Return the index of the uppermost level, and notes; ValueError if it can't be told.
+
+    `dim` is the levels' coordinate, and `along` their dimension, if it has another name.
+    """
     attributes, levels = {}, np.arange(dataset.sizes.get(dim, 1), dtype=float)
     if dim in dataset.variables:
-        attributes = dataset[dim].attrs
+        attributes = dataset.variables[dim].attrs
         levels = np.atleast_1d(coordinate_values(dataset, dim))
+        if levels.ndim > 1:  # FVCOM has its shares of the depth at each node
+            level = dataset.variables[dim].dims.index(along or dim)
+            levels = np.moveaxis(levels, level, 0).reshape(levels.shape[level], -1).mean(axis=1)
     if not np.isfinite(levels).all():
         raise ValueError(f"{dim} has levels that are no finite numbers; correct them")
     keys = ("standard_name", "units", "positive")
@@ -159,7 +164,7 @@ def coordinate_axis(dataset: "xr.Dataset", dim: str, period: float = 0.0) -> Flo
     An axis with a period is unwrapped: its values may go on beyond 360 degrees.
     """
     if dim not in dataset.variables:
-        raise ValueError(f"{dim} has no values; {SWAP}, or add the coordinate")
+        raise ValueError(f"{dim} has no values; add the coordinate")
     values = coordinate_values(dataset, dim)
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         raise ValueError(f"{dim} is no axis of a grid: {values.size} values, or some not finite")
@@ -219,6 +224,10 @@ _SINGLE_STEP = timedelta(days=1)
 _LONG_STEP = 1.04
 # Calendars with the days of the real one.
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
+# Years in which the Julian calendar counts the same days as the real one, 13 days apart: OSCAR says
+# julian, and means the real dates.
+_SAME_DAYS = range(1901, 2100)
+_JULIAN = "julian"
 # Latest year of a step: near Python's last year, 9999, times can't be calculated with.
 _MAX_YEAR = 9000
 # Reference year that marks a climatology: "days since 0001-01-15" names no real year.
@@ -341,6 +350,14 @@ def read_steps(
             width = sorted(widths)[len(widths) // 2]
             return TimeSteps(tuple(middles), labels=labels, width=width, by="point")
     return TimeSteps(tuple(stamps), labels=labels, **about)
+
+
+def calendar_notes(dataset: "xr.Dataset", clock: str) -> list[Note]:
+    """Note that the dates of a time coordinate are not of the calendar that it states."""
+    if clock not in dataset.variables or dataset[clock].attrs.get("calendar") != _JULIAN:
+        return []
+    how = "dates of the real calendar, though the file calls it julian"
+    return [Note.of("steps-read", how=how)]
 
 
 def step_method(array: "xr.DataArray", dim: str, names: Iterable[str]) -> dict[str, Any]:
@@ -481,6 +498,9 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
     import netCDF4
 
     name = str(time.attrs.get("calendar", "standard")).lower()
+    since = _SINCE.search(units)
+    if name == _JULIAN and since is not None and int(since[1]) in _SAME_DAYS:
+        name = _CALENDARS[0]
     if name not in _CALENDARS:
         raise ValueError(
             f"its calendar is {name!r}, which is not the real one; convert it, as with "

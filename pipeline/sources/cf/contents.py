@@ -10,18 +10,19 @@ import itertools
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
+from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
-from pipeline.sources.cf import axes
+from pipeline.sources.cf import axes, grids
 from pipeline.sources.cf.axes import (
     TimeSteps,
     merge_steps,
@@ -30,18 +31,37 @@ from pipeline.sources.cf.axes import (
     step_method,
 )
 from pipeline.sources.cf.dataset import check_values, fatal_files, groups_of, open_dataset
+from pipeline.sources.cf.mesh import SourceMesh
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# Units of speed: size in m/s, and spellings, without blanks, dots, carets and asterisks.
+# Units of speed, in m/s, by their spelling once words are symbols and "per" is a stroke.
 _UNITS_M_S = {
-    1.0: ("ms-1", "m/s", "meters-1", "metres-1", "metersecond-1", "metresecond-1", "meters/second"),
-    0.01: ("cms-1", "cm/s", "centimeters-1", "centimetersecond-1"),
-    0.001: ("mms-1", "mm/s"),
-    1 / 3.6: ("kmh-1", "km/h", "kmhr-1", "km/hr", "kph"),
-    1852 / 3600: ("knot", "knots", "kt", "kts", "kn", "international_knot"),
+    "m/s": 1.0,
+    "cm/s": 0.01,
+    "mm/s": 0.001,
+    "km/h": 1 / 3.6,
+    "kph": 1 / 3.6,
+    **dict.fromkeys(("knot", "kt", "kn", "international_knot", "nmi/h", "nm/h"), 1852 / 3600),
 }
+# Words in these units, and the symbols that stand for them.
+_SYMBOLS = {
+    word + plural: symbol
+    for word, symbol in (
+        *(("meter", "m"), ("metre", "m"), ("centimeter", "cm"), ("centimetre", "cm")),
+        *(("millimeter", "mm"), ("kilometer", "km"), ("kilometre", "km"), ("second", "s")),
+        *(("sec", "s"), ("hour", "h"), ("hr", "h"), ("knot", "knot"), ("kt", "kt"), ("per", "/")),
+    )
+    for plural in ("", "s")
+}
+# Size of a degree's units, in degrees.
+_DEGREES = {"degree": 1.0, "degrees": 1.0, "deg": 1.0, "arc-degrees": 1.0, "degree_true": 1.0}
+_DEGREES |= {"degrees_true": 1.0, "degreetrue": 1.0, "degreestrue": 1.0, "": 1.0}
+_DEGREES |= dict.fromkeys(("rad", "radian", "radians"), 180.0 / np.pi)
+# Dimensions of levels without a coordinate, and the place of the surface: SCHISM counts from the
+# bottom, FVCOM from the surface.
+_SURFACE = {"nschism_vgrid_layers": -1, "nvrt": -1, "siglay": 0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +69,8 @@ class Component:
     """One component in one file: names of the variable and of its dimensions, and its axes.
 
     `time` is empty where there is no such dimension, `fixed` is the index to use in each other
-    dimension, and `unit_m_s` is its unit in m/s.
+    dimension, and `unit` is its unit in m/s, or in degrees for a direction. On a `mesh` there are
+    no axes.
     """
 
     file: Path
@@ -58,11 +79,27 @@ class Component:
     lat: str
     lon: str
     fixed: dict[str, int]
-    unit_m_s: float
+    unit: float
     lats_deg: FloatArray
     lons_deg: FloatArray
     steps: TimeSteps
     notes: tuple[Note, ...]
+    mesh: SourceMesh | None = None
+
+    def is_on_grid_of(self, other: "Component") -> bool:
+        """Whether two components have the same points."""
+        if self.mesh is not None:
+            return self.mesh.is_same(other.mesh)
+        return other.mesh is None and all(
+            axes.is_same_axis(getattr(self, axis), getattr(other, axis))
+            for axis in ("lons_deg", "lats_deg")
+        )
+
+    def on_mesh(self) -> SourceMesh:
+        """Return its mesh, which axes are too."""
+        return self.mesh or SourceMesh(
+            (self.lat, self.lon), *np.meshgrid(self.lons_deg, self.lats_deg)
+        )
 
 
 def read_component(
@@ -82,90 +119,141 @@ def read_component(
     for dim, size in array.sizes.items():
         if not size:
             raise ValueError(f"{name} is empty, as {dim} has no values; give a file with data")
-    unit_m_s, notes = _unit_m_s(array)
+    unit, notes = _unit(array)
     if re.search(r"\b(depth|lev|z)\w*: ?(\w+: ?)*mean", array.attrs.get("cell_methods", "")):
         notes.append(Note.of("current-over-depth"))
-    roles = {dim: axes.axis_role(dataset, str(dim)) for dim in array.dims}
+    about = grids.coordinates(dataset, array)
+    roles = {dim: next(iter(own), "") if len(own) == 1 else "" for dim, own in about.items()}
     if along:
         roles = {dim: "" if role == "time" else role for dim, role in roles.items()}
         if along not in roles:
             raise ValueError(f"{name} has no dimension {along!r}; give it along {along}, lat, lon")
         roles[along] = "time"
-    by_role = {role: str(dim) for dim, role in roles.items() if role}
-    mapping = dataset.variables.get(array.attrs.get("grid_mapping", ""))
-    is_turned = mapping is not None and "rotated" in mapping.attrs.get("grid_mapping_name", "")
-    if "lon" not in by_role or "lat" not in by_role or is_turned:
-        raise ValueError(axes.grid_fault(dataset, array))
+        about[along] = {"time": along}
+    by_role = {role: dim for dim, role in roles.items() if role}
+    lat, lon, lats_deg, lons_deg, mesh = _grid(dataset, array, about, by_role)
+    on_grid = mesh.dims if mesh else (lat, lon)
     fixed: dict[str, int] = {}
     # A level, or the time, may also be a variable without a dimension.
     scalars = [str(name) for name, variable in dataset.variables.items() if not variable.dims]
-    roles |= {name: "level" for name in scalars if axes.axis_role(dataset, name) == "level"}
+    about |= {name: {"level": name} for name in scalars if axes.axis_role(dataset, name) == "level"}
+    roles |= {name: "level" for name, own in about.items() if "level" in own and name in scalars}
     times = [name for name in scalars if dataset[name].attrs.get("standard_name") == "time"]
     for dim, role in roles.items():
         if role == "level":
-            fixed[str(dim)], level_notes = axes.surface_level(dataset, str(dim))
+            fixed[dim], level_notes = axes.surface_level(dataset, about[dim][role], dim)
             notes += level_notes
-        elif not role:
-            fixed[str(dim)] = _place_along(array, str(dim), index)
-    time = by_role.get("time", "")
+        elif not role and dim not in on_grid:
+            fixed[dim], place_notes = _place_along(array, dim, index)
+            notes += place_notes
+    time = about[by_role["time"]]["time"] if "time" in by_role else ""
     clock = "" if along else time or next(iter(times), "")
+    notes += axes.calendar_notes(dataset, clock)
     named = (*map(str, dataset.attrs.values()), file.name)
     return Component(
         file=file,
         name=name,
-        time=time,
-        lat=by_role["lat"],
-        lon=by_role["lon"],
+        time=by_role.get("time", ""),
+        lat=lat,
+        lon=lon,
         fixed={dim: at for dim, at in fixed.items() if dim in array.dims},
-        unit_m_s=unit_m_s,
+        unit=unit,
         steps=read_steps(*axes.time_axis(dataset, clock), **step_method(array, clock, named))
         if clock
         else TimeSteps(),
-        lons_deg=axes.coordinate_axis(dataset, by_role["lon"], period=360.0),
-        lats_deg=axes.coordinate_axis(dataset, by_role["lat"]),
+        lons_deg=lons_deg,
+        lats_deg=lats_deg,
         notes=tuple(notes),
+        mesh=mesh,
     )
 
 
-def _place_along(array: "xr.DataArray", dim: str, index: tuple[str, int] | None) -> int:
-    """Return the place along a dimension of no known role; ValueError where none is given."""
+def _grid(
+    dataset: "xr.Dataset",
+    array: "xr.DataArray",
+    about: Mapping[str, Mapping[str, str]],
+    by_role: Mapping[str, str],
+) -> tuple[str, str, FloatArray, FloatArray, SourceMesh | None]:
+    """Return the dimensions and axes (lat, lon, lats, lons) of a variable, or the mesh it is on."""
+    mapping = dataset.variables.get(array.attrs.get("grid_mapping", ""))
+    is_turned = mapping is not None and "rotated" in mapping.attrs.get("grid_mapping_name", "")
+    if "lon" in by_role and "lat" in by_role and not is_turned:
+        lat, lon = by_role["lat"], by_role["lon"]
+        lons = axes.coordinate_axis(dataset, about[lon]["lon"], period=360.0)
+        return lat, lon, axes.coordinate_axis(dataset, about[lat]["lat"]), lons, None
+    mesh = grids.curved_lines(dataset, array)
+    if mesh is not None:
+        straight = grids.straight_axes(mesh)
+        return (*straight, None) if straight else ("", "", np.zeros(0), np.zeros(0), mesh)
+    of_mesh = array.attrs.get("mesh", "") in dataset.variables
+    for dim in map(str, reversed(array.dims)):
+        is_of_points = len(about[dim]) > 1 and {"lon", "lat"} <= about[dim].keys()
+        if is_of_points or (of_mesh and not about[dim] and dim not in _SURFACE):
+            found = grids.cells_of_mesh(dataset, array, dim)
+            return "", "", np.zeros(0), np.zeros(0), found
+    raise ValueError(axes.grid_fault(array, array.attrs["grid_mapping"] if is_turned else ""))
+
+
+def _place_along(
+    array: "xr.DataArray", dim: str, index: tuple[str, int] | None
+) -> tuple[int, list[Note]]:
+    """Return the place along a dimension of no known role, with notes; ValueError without one."""
     size = array.sizes[dim]
     at = index[1] if index is not None and index[0] == dim else 0
     if size == 1 or (index is not None and dim == index[0] and at < size):
-        return at
+        return at, []
+    if dim.lower() in _SURFACE:
+        at = _SURFACE[dim.lower()] % size
+        return at, [Note.of("level-by-name", level=dim, at=at)]
     raise ValueError(
         f"{array.name} has the dimension {dim} ({size}), which is neither time, depth, latitude "
-        f"nor longitude; {axes.SWAP}; or keep one index of it; or, of an ensemble, "
+        f"nor longitude; add its coordinate, or keep one index of it; or, of an ensemble, "
         f"plan in all with members = {{ along = '{dim}' }}"
     )
 
 
-def _unit_m_s(array: "xr.DataArray") -> tuple[float, list[Note]]:
-    """Return a variable's unit in m/s, and notes; ValueError where it is no unit of speed."""
+def _unit(array: "xr.DataArray") -> tuple[float, list[Note]]:
+    """Return a unit in m/s, or a direction's in degrees, with notes; ValueError without one."""
     units = str(array.attrs.get("units", "")).strip()
+    if _is_direction(array):
+        if units.lower() in _DEGREES:
+            return _DEGREES[units.lower()], []
+        raise ValueError(f"{array.name} is in {units!r}, not in degrees; give its true unit")
     if not units:
         return 1.0, [Note.of("unit-assumed", variable=str(array.name))]
-    plain = re.sub(r"sec\b", "s", units.lower().translate(str.maketrans("", "", " .^*")))
-    for unit_m_s, spellings in _UNITS_M_S.items():
-        if plain in spellings:
-            converted = Note.of("unit-converted", variable=str(array.name), unit=units)
-            return unit_m_s, [] if unit_m_s == 1 else [converted]
-    raise ValueError(
-        f"{array.name} is in {units!r}, not in m s-1, cm s-1, km h-1 or knots; give its true unit"
-    )
+    unit_m_s = _UNITS_M_S.get(_plain_unit(units))
+    if unit_m_s is None:
+        raise ValueError(
+            f"{array.name} is in {units!r}, not in m s-1, cm s-1, km h-1 or knots; give its true "
+            "unit"
+        )
+    converted = Note.of("unit-converted", variable=str(array.name), unit=units)
+    return unit_m_s, [] if unit_m_s == 1 else [converted]
+
+
+def _is_direction(array: "xr.DataArray") -> bool:
+    """Whether a variable is a direction, by its standard name, or its own name and its unit."""
+    unit = str(array.attrs.get("units", "")).strip().lower()
+    is_called = "dir" in str(array.name).lower() and unit in _DEGREES
+    return is_called or "direction" in array.attrs.get("standard_name", "")
+
+
+def _plain_unit(units: str) -> str:
+    """Return a unit of speed as `_UNITS_M_S` spells it, where it is one: "meter sec-1" is "m/s"."""
+    words = re.sub(r"[a-z_]+", lambda word: _SYMBOLS.get(word[0], word[0]), units.lower())
+    plain = words.translate(str.maketrans("", "", " .^*()"))
+    return re.sub(r"(?<=[a-z])([sh])-1$", r"/\1", plain)
 
 
 def require_one_grid(components: Sequence[Component]) -> None:
-    """Raise ValueError where components are not on the same nodes."""
+    """Raise ValueError where components are not on the same points."""
     first = components[0]
     for other in components:
-        for axis in ("longitudes", "latitudes"):
-            own, theirs = (getattr(part, f"{axis[:3]}s_deg") for part in (other, first))
-            if not axes.is_same_axis(own, theirs):
-                raise ValueError(
-                    f"{other.name} has other {axis} than {first.name}: interpolate both to the "
-                    "same nodes (a staggered grid is not supported)"
-                )
+        if not other.is_on_grid_of(first):
+            raise ValueError(
+                f"{other.name} of {other.file.name} has other longitudes or latitudes than "
+                f"{first.name} of {first.file.name}; give files of one grid"
+            )
 
 
 # Parts of harmonic constants: u_re and u_im are those of u.
@@ -178,7 +266,7 @@ _MAX_GROUPS = 4
 # Standard names of eastward components and their partners, and pairs of names for variables without
 # a standard name, in the order in which they are preferred.
 _STANDARD_NAMES = tuple(
-    (name, name.replace("eastward", "northward").replace("_x_", "_y_"))
+    (name, re.sub(r"(_|^)x_", r"\1y_", name.replace("eastward", "northward")))
     for name in (
         "eastward_sea_water_velocity",
         "surface_eastward_sea_water_velocity",
@@ -187,11 +275,33 @@ _STANDARD_NAMES = tuple(
         "surface_sea_water_x_velocity",
         "surface_geostrophic_eastward_sea_water_velocity",
         "geostrophic_eastward_sea_water_velocity",
+        "x_sea_water_velocity",
+    )
+)
+# Standard names of a speed and its direction: where the water goes to, or comes from.
+_POLAR_NAMES = tuple(
+    (f"{surface}sea_water_speed", direction)
+    for surface in ("", "surface_")
+    for direction in (
+        f"{surface}sea_water_velocity_to_direction",
+        f"direction_of_{surface}sea_water_velocity",
+        f"{surface}sea_water_velocity_from_direction",
     )
 )
 _VARIABLE_NAMES = (
     *(("utotal", "vtotal"), ("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("water_u", "water_v")),
+    *(("u_eastward", "v_northward"), ("ssu", "ssv"), ("uos", "vos"), ("vozocrtx", "vomecrty")),
+    *(("ewct", "nsct"), ("ucur", "vcur"), ("ucurr", "vcurr"), ("uvel", "vvel")),
+    *(("u_velocity", "v_velocity"), ("u-vel", "v-vel"), ("u_current", "v_current")),
+    *(("mesh2d_ucx", "mesh2d_ucy"), ("horizontalvelx", "horizontalvely")),
 )
+# Names of components along a grid's own lines, where no standard name says so: NEMO's.
+_GRID_NAMES = ("vozocrtx",)
+# Words by which a file calls a component one along its grid's lines, or an eastward one.
+_ALONG = r"\b(xi|x|i|along|grid|momentum)\b|\b[xui]-(comp|dir|mom)"
+_EASTWARD = r"\b(east|zonal)"
+# Largest angle of a grid's lines from east at which components count as eastward, degrees.
+_STRAIGHT_DEG = 1.0
 # Attributes that say what a variable is.
 _SAYING = ("standard_name", "long_name", "description", "short_name", "GRIB_name", "var_desc")
 # Words in these attributes that mean something else than a velocity.
@@ -214,6 +324,10 @@ _Pair: TypeAlias = tuple[_Variable, _Variable]
 StepInFile: TypeAlias = tuple[Component, int]
 """A component in a file, and the number of a step there."""
 
+Frame: TypeAlias = Literal["east", "lines", "to", "from"]
+"""What two components are: east and north, along a grid's lines and across, or a speed and the
+direction to which, or from which, the water runs."""
+
 
 @dataclass(frozen=True)
 class Contents:
@@ -221,6 +335,8 @@ class Contents:
 
     `lon` (nx,) and `lat` (ny,) are in degrees, ascending or descending. For each of the `steps`,
     `u` and `v` give the component in a file, and the step in that file.
+
+    On a mesh the axes are empty, until `on_axes` gives those of a table.
 
     Harmonic constants have `constituents` and no time steps: "steps" are the real parts of all
     constituents, then their imaginary parts, then the mean, if the file has one.
@@ -236,6 +352,31 @@ class Contents:
     attributes: dict[str, str]
     reference_time: datetime | None = None
     constituents: tuple[str, ...] = ()
+    frame: Frame = "east"
+
+    @property
+    def mesh(self) -> SourceMesh | None:
+        """The points of the first component; None if they lie on axes."""
+        return self.u[0][0].mesh
+
+    @property
+    def bounds(self) -> Bounds:
+        """Bounds of all points, degrees."""
+        if self.mesh is not None:
+            return self.mesh.extent((0.0, 0.0, 2 * float(np.nanmedian(self.mesh.lon)), 0.0))
+        sides = (self.lon, self.lat)
+        west, south, east, north = *(side.min() for side in sides), *(side.max() for side in sides)
+        return float(west), float(south), float(east), float(north)
+
+    def on_axes(self, region: Bounds) -> "Contents":
+        """Return contents that have axes: on a mesh those of a table for a region."""
+        if self.mesh is None:
+            return self
+        lon, lat, finest, step = self.mesh.axes(region)
+        told = Note.of(
+            "current-on-table", is_turned=self.frame == "lines", finest=finest, step=step
+        )
+        return replace(self, lon=lon, lat=lat, notes=(*self.notes, told))
 
     @property
     def has_mean(self) -> bool:
@@ -245,7 +386,9 @@ class Contents:
     @property
     def largest_cell(self) -> tuple[float, float]:
         """The largest steps of longitude and latitude, degrees."""
-        lon_deg, lat_deg = (float(np.abs(np.diff(axis)).max()) for axis in (self.lon, self.lat))
+        lon_deg, lat_deg = (
+            float(np.abs(np.diff(axis)).max(initial=0.0)) for axis in (self.lon, self.lat)
+        )
         return lon_deg, lat_deg
 
 
@@ -274,8 +417,14 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
     return tuple(files)
 
 
-def read_contents(files: tuple[Path, ...], index: tuple[str, int] | None = None) -> Contents:
+def read_contents(
+    files: tuple[Path, ...],
+    index: tuple[str, int] | None = None,
+    asked: tuple[str, str] | None = None,
+) -> Contents:
     """Read the contents of files that belong together; `index` as in `read_component`.
+
+    `asked` names the two variables that are the current; by default they are found.
 
     Raises
     ------
@@ -294,17 +443,20 @@ def read_contents(files: tuple[Path, ...], index: tuple[str, int] | None = None)
                 faults.append(f"{file.name}: {error}")
         if faults:
             raise RequestError(faults)
-        return _contents(files, datasets, index)
+        return _contents(files, datasets, index, asked)
 
 
 def _contents(
-    files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]", index: tuple[str, int] | None
+    files: tuple[Path, ...],
+    datasets: "dict[Path, xr.Dataset]",
+    index: tuple[str, int] | None,
+    asked: tuple[str, str] | None,
 ) -> Contents:
     """Return the contents of open files; RequestError as in `read_contents`."""
     if any("u_re" in dataset.data_vars for dataset in datasets.values()):
         return _constants(files, datasets)
     try:
-        pair, notes = _find_pair(list(datasets.values()))
+        pair, notes = _find_pair(list(datasets.values()), asked)
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}{_groups_hint(files)}") from None
     faults: list[str] = []
@@ -320,16 +472,64 @@ def _contents(
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
     try:
-        return _combined(datasets, *components_of, notes)
+        contents = _combined(datasets, *components_of, notes)
+        frame = _frame(pair, contents, datasets)
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
+    told = tuple(_frame_notes(pair, frame, is_on_axes=contents.mesh is None))
+    return replace(contents, frame=frame, notes=(*contents.notes, *told))
 
 
-def _find_pair(datasets: "Sequence[xr.Dataset]") -> tuple[_Pair, tuple[Note, ...]]:
+def _frame_notes(pair: _Pair, frame: Frame, *, is_on_axes: bool) -> Iterator[Note]:
+    """Note what the components of a pair are taken for, if nothing proves it."""
+    (standard, east), (_, north) = pair
+    if is_on_axes and re.search(r"(_|^)x_", standard):
+        why = (
+            f"as east and north, although {standard} is along a grid's own lines: wrong by the "
+            "angle of a turned grid, if it was put on this one without turning them"
+        )
+        yield Note.of("pair-taken", u=east, v=north, why=(why,))
+    if frame in {"to", "from"}:
+        why = f"as the speed and the direction {frame} which the water runs"
+        yield Note.of("pair-taken", u=east, v=north, why=(why,))
+
+
+def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") -> Frame:
+    """Return what the two components of a pair are; ValueError where nothing says it."""
+    (standard, name), (direction, _) = pair
+    u, v = contents.u[0][0], contents.v[0][0]
+    if _is_direction(datasets[v.file][v.name]):
+        return "from" if "from" in direction else "to"
+    if u.mesh is None or len(u.mesh.dims) == 1:
+        return "east"
+    if standard or name.lower() in _GRID_NAMES:
+        return "east" if "eastward" in standard else "lines"
+    attributes = datasets[u.file][name].attrs
+    said = " ".join((name.replace("_", " "), *(attributes.get(key, "") for key in _SAYING))).lower()
+    # East and north have no reason to be on points of their own.
+    is_staggered = not u.is_on_grid_of(v)
+    if re.search(_EASTWARD, said):
+        return "east"
+    if is_staggered or re.search(_ALONG, said):
+        return "lines"
+    if u.mesh.largest_angle_deg <= _STRAIGHT_DEG:
+        return "east"
+    raise ValueError(
+        f"its grid is turned by up to {u.mesh.largest_angle_deg:.0f} degrees, and nothing says "
+        f"whether {name} is eastward or along the grid's lines; give both components a "
+        "standard_name, eastward_sea_water_velocity and northward_sea_water_velocity or "
+        "sea_water_x_velocity and sea_water_y_velocity, as with `ncatted -a standard_name`"
+    )
+
+
+def _find_pair(
+    datasets: "Sequence[xr.Dataset]", asked: tuple[str, str] | None
+) -> tuple[_Pair, tuple[Note, ...]]:
     """Find the two components, (standard name, name) each, with notes; ValueError without a pair.
 
-    Of several pairs a total is taken; if there is none, the first in the order of the standard
-    names above, and then of the names.
+    A pair that is asked for by its names is taken, whatever it is called. Of several pairs a total
+    is taken; if there is none, the first in the order of the standard names above, and then of the
+    names.
     """
     said = {
         (str(array.attrs.get("standard_name", "")), str(name)): tuple(
@@ -339,14 +539,21 @@ def _find_pair(datasets: "Sequence[xr.Dataset]") -> tuple[_Pair, tuple[Note, ...
         for name, array in dataset.data_vars.items()
         if array.ndim >= 2
     }
+    listed = [f"{of[1]} ({'; '.join(said[of]) or 'no standard name'})" for of in sorted(said)]
+    if asked is not None:
+        by_name = {name: (standard, name) for standard, name in said}
+        if lacking := [name for name in asked if name not in by_name]:
+            raise ValueError(f"it has no variable {', '.join(lacking)}, but {', '.join(listed)}")
+        named = (by_name[asked[0]], by_name[asked[1]])
+        return named, tuple(_notes(named, said, (), is_asked=True))
     pairs = list(_pairs({of for of, texts in said.items() if not any(map(_is_other, texts))}))
     if not pairs:
-        listed = [f"{of[1]} ({'; '.join(said[of]) or 'no standard name'})" for of in sorted(said)]
         raise ValueError(
             f"it has no pair of current components among {', '.join(listed) or 'no variables'}; "
             f"needed are the standard names {' and '.join(_STANDARD_NAMES[0])}, or variables "
-            f"called {', '.join(map('/'.join, _VARIABLE_NAMES))}, which nothing calls wind, "
-            "ice or waves: give a file of currents, or correct its names"
+            f"called {', '.join(map('/'.join, _VARIABLE_NAMES[:_MAX_GROUPS]))} and the like, which "
+            "nothing calls wind, ice or waves: give a file of currents, correct its names, or name "
+            "the two (--current-variables U,V, or current_variables in a season)"
         )
     text = {of: " ".join((of[1], *texts)).lower() for of, texts in said.items()}
     pair = max(pairs, key=lambda candidate: bool(re.search(_SUM, text[candidate[0]])))
@@ -356,7 +563,7 @@ def _find_pair(datasets: "Sequence[xr.Dataset]") -> tuple[_Pair, tuple[Note, ...
 
 def _pairs(variables: set[_Variable]) -> Iterator[_Pair]:
     """Find pairs by their standard names and, of variables without one, by their names."""
-    for names in (*_STANDARD_NAMES, ("", "")):
+    for names in (*_STANDARD_NAMES, *_POLAR_NAMES, ("", "")):
         u, v = ({name.lower(): (of, name) for of, name in variables if of == own} for own in names)
         known = [(u[east], v[north]) for east, north in _VARIABLE_NAMES if east in u and north in v]
         if names[0] and len(u) == len(v) == 1:
@@ -378,17 +585,20 @@ def _is_other(said: str) -> bool:
 
 
 def _notes(
-    pair: _Pair, said: Mapping[_Variable, Sequence[str]], also: Sequence[_Variable]
+    pair: _Pair,
+    said: Mapping[_Variable, Sequence[str]],
+    also: Sequence[_Variable],
+    *,
+    is_asked: bool = False,
 ) -> Iterator[Note]:
     """Note why a pair was taken, what the file calls it, and what kind of current it is."""
     (standard, u), (_, v) = pair
     called = "; ".join(said[pair[0]][bool(standard) :])
     why = {
-        "by their names alone, as they have no standard name": not standard,
+        "as asked": is_asked,
+        "by their names alone, as they have no standard name": not standard and not is_asked,
         f"which the file calls {called!r}": called and (not standard or re.search(_TOLD, called)),
         f"not {', '.join(name for _, name in also)}": also,
-        f"as east and north, although {standard} is along a grid's own lines: wrong by the angle "
-        "of a turned grid, if it was put on this one without turning them": "_x_" in standard,
     }
     if any(why.values()):
         yield Note.of(
@@ -465,10 +675,29 @@ def _groups_hint(files: Sequence[Path]) -> str:
         return ""
     if not groups:
         return ""
-    if "Group_F" in groups:
-        return "; it is an S-100 file, which is not read: give its currents as NetCDF"
     listed = ", ".join(groups[:_MAX_GROUPS])
     return f"; groups ({listed}) are not read: take one out, as with `ncks -G : -g {groups[0]}`"
+
+
+def _on_shared_grids(
+    u: Sequence[Component], v: Sequence[Component]
+) -> tuple[Sequence[Component], Sequence[Component]]:
+    """Return components of which all that are on one mesh share it; ValueError as below.
+
+    Each of the two may have its own points: then both are on meshes.
+    """
+    for parts in (u, v):
+        require_one_grid(parts)
+    is_one = u[0].is_on_grid_of(v[0])
+    if u[0].mesh is None and v[0].mesh is None and is_one:
+        return u, v
+    own = u[0].on_mesh()
+    meshes = (own, own if is_one else v[0].on_mesh())
+    east, north = (
+        [replace(part, mesh=mesh) for part in parts]
+        for parts, mesh in zip((u, v), meshes, strict=True)
+    )
+    return east, north
 
 
 def _combined(
@@ -478,8 +707,8 @@ def _combined(
     notes: tuple[Note, ...],
 ) -> Contents:
     """Combine both components of all files; ValueError where they don't match each other."""
+    u, v = _on_shared_grids(u, v)
     first = u[0]
-    require_one_grid([*u, *v])
     references = {file: reference_time(dataset) for file, dataset in datasets.items()}
     (u_steps, u_index), (v_steps, v_index) = (
         merge_steps([part.steps for part in parts], [references[part.file] for part in parts])
@@ -496,8 +725,8 @@ def _combined(
         )
     return Contents(
         files=tuple(datasets),
-        lon=first.lons_deg,
-        lat=first.lats_deg,
+        lon=first.lons_deg if first.mesh is None else np.zeros(0),
+        lat=first.lats_deg if first.mesh is None else np.zeros(0),
         u=tuple((u[file], step) for file, step in u_index),
         v=tuple((v[file], step) for file, step in v_index),
         steps=u_steps,

@@ -16,6 +16,7 @@ to 4 bytes. No library does this: SciPy, which maps the whole file, does not kno
 
 import contextlib
 import math
+import shlex
 import struct
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,7 +29,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.machine.workers import Worker, WorkerEndedError
-from pipeline.sources.cf import grib
+from pipeline.sources.cf import grib, s100
 from pipeline.texts import acts, clean
 
 if TYPE_CHECKING:
@@ -45,6 +46,14 @@ _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 _MAX_AXIS = 500_000
 # Largest size of a chunk, bytes: one value of it can't be read without all of it.
 _MAX_CHUNK_BYTES = 512 << 20
+# Archives by the bytes they begin with: what they are, and the command that unpacks one.
+_ARCHIVES = {
+    b"\x1f\x8b": ("gzip", "gunzip -k"),
+    b"BZh": ("bzip2", "bunzip2 -k"),
+    b"PK\x03\x04": ("zip", "unzip"),
+    b"\xfd7zXZ": ("xz", "unxz -k"),
+    b"(\xb5/\xfd": ("zstd", "unzstd"),
+}
 # Kinds of NumPy types that are numbers.
 _NUMBERS = "iuf"
 # Kinds of NumPy types that are text.
@@ -80,7 +89,7 @@ def reading() -> Iterator[None]:
         warnings.simplefilter("ignore")
         try:
             yield
-        except MemoryError:
+        except (MemoryError, s100.UnusableError):
             raise
         except Exception as error:  # noqa: BLE001 - any kind, from five libraries
             reason = clean(str(error), _MAX_REASON) or type(error).__name__
@@ -94,15 +103,12 @@ def open_dataset(path: Path) -> "xr.Dataset":
     """
     import xarray as xr
 
-    if is_grib(path):
-        grib.require_library()
-        with reading():
-            read = grib.read_fields(path)
-        return grib.as_dataset(path, read)
+    if (converted := _converted(path)) is not None:
+        return converted
     with reading():
         store = _store(path)
     if store is None:
-        raise ValueError("it is neither NetCDF, Zarr nor GRIB; convert it to NetCDF")
+        raise ValueError(_other_kind(path))
     try:
         with reading():
             variables = store.get_variables()
@@ -125,7 +131,30 @@ def open_dataset(path: Path) -> "xr.Dataset":
     owners: tuple[Any, ...] = (dataset, *dataset.variables.values())
     for owner in owners:
         owner.attrs = {clean(str(key)): clean(str(value)) for key, value in owner.attrs.items()}
+        # Standard names are in lower case; some files of FVCOM begin one with a capital.
+        if "standard_name" in owner.attrs:
+            owner.attrs["standard_name"] = owner.attrs["standard_name"].lower()
     return dataset
+
+
+def _converted(path: Path) -> "xr.Dataset | None":
+    """Return a dataset made of a file of another format, GRIB or S-100; None for all others."""
+    if is_grib(path):
+        grib.require_library()
+        with reading():
+            read = grib.read_fields(path)
+        return grib.as_dataset(path, read)
+    with reading():
+        return s100.as_dataset(path) if path.is_file() and s100.is_s100(path) else None
+
+
+def _other_kind(path: Path) -> str:
+    """Say what kind of file one is that is not read, with the remedy."""
+    for begin, (kind, command) in _ARCHIVES.items():
+        if _first_bytes(path).startswith(begin):
+            unpack = f"`{command} {shlex.quote(path.name)}`"
+            return f"it is packed ({kind}); unpack it, as with {unpack}, and give the file inside"
+    return "it is neither NetCDF, Zarr, GRIB nor S-100; convert it to NetCDF"
 
 
 def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a store's type is

@@ -8,9 +8,11 @@ are is decided here, and so is where the constants are too weak to rely on.
 import calendar
 import itertools
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from functools import cached_property
 from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -25,7 +27,8 @@ from pipeline.scenario.season import Period, Season, TimeMethod
 from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
 from pipeline.sources.cf.contents import Component, Contents, StepInFile
 from pipeline.sources.cf.dataset import open_dataset, reading
-from pipeline.sources.current_field import Field
+from pipeline.sources.cf.mesh import SourceMesh, Table
+from pipeline.sources.current_field import Field, LandMask
 from renew.inputs.tide import arguments, speeds
 
 if TYPE_CHECKING:
@@ -286,6 +289,14 @@ def _descending(
 
 # Number of values read at a time, 32 MB; but at least one step.
 _CHUNK_VALUES = 4 << 20
+# Time over which a gap is filled from one side, s: a quarter of a tide.
+_FILLED_S = 3 * 3600.0
+# Share of its steps from which a mean has a value: below it would be of the high tides only.
+_LEAST_KNOWN = 0.5
+# Share of the points on land from which their zeros stand for land.
+_ZERO_LAND = 0.9
+# Names of masks: ROMS's mask_rho, mask_u, NEMO's umask; a land mask is 1 on land.
+_MASK = re.compile(r"(?<![a-z])land|mask")
 # Largest number of nodes in a region: checks and planning take some 600 bytes for each.
 _MAX_NODES = 2_000_000
 # Neighbouring nodes further apart than this multiple of the axis's largest step have a gap between.
@@ -348,6 +359,8 @@ def read_window(variable: "xr.Variable", dims: tuple[str, str], window: Window) 
 def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     """Say how far a region reaches beyond the grid's cells."""
     cell = contents.largest_cell
+    if not all(cell):
+        return [f"it has no data there at all{_where(contents)}; give a file of the region"]
     around = find_window(contents.lon, contents.lat, widened(region, *cell))
     lon, lat = around.lon, around.lat
     if lon.size * lat.size > _MAX_NODES:
@@ -357,7 +370,7 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
         )
         return [fault]
     if lon.size == 0 or lat.size == 0:
-        return ["it has no data there at all; give a file of the region"]
+        return [f"it has no data there at all{_where(contents)}; give a file of the region"]
     lacking = sides_beyond(region, cell_bounds(lon, lat, cell))
     gaps = np.diff(lon) > _GAP_STEPS * cell[0]
     if gaps.any():
@@ -370,9 +383,17 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     return [f"it has no data {' nor '.join(lacking)}; shrink the region, or give another file"]
 
 
+def _where(contents: Contents) -> str:
+    """Say where the data of a source are."""
+    west, south, east, north = contents.bounds
+    return f", but from {west:g} to {east:g} E and from {south:g} to {north:g} N"
+
+
 def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
     """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
     cell = contents.largest_cell
+    if not all(cell):
+        return None
     around = find_window(contents.lon, contents.lat, widened(region, *cell))
     if around.lon.size < 2 or around.lat.size < 2:
         return None
@@ -388,6 +409,9 @@ class FieldReader:
     def __init__(self, contents: Contents, window: Window) -> None:
         self._contents, self._window = contents, window
         self._open: dict[Path, xr.Dataset] = {}
+        self._dry: dict[Component, BoolArray] = {}
+        # Largest share of the nodes of which a mean lacks some of its steps.
+        self.partly = 0.0
 
     def __enter__(self) -> Self:
         """Return itself; files are opened when they are needed."""
@@ -398,7 +422,7 @@ class FieldReader:
         self._close_all_but(0)
 
     def field(self, weights: Mapping[int, float]) -> Field:
-        """Read the weighted sum of steps, with a gap where any step or component has one.
+        """Read the weighted sum of steps.
 
         Raises
         ------
@@ -410,60 +434,150 @@ class FieldReader:
     def fields(self, weights: Iterable[Mapping[int, float]]) -> Iterator[Field]:
         """Read the fields of several weights, as `field` does.
 
-        Consecutive fields of the same steps are summed together, some megabytes of them at a time.
+        A field has a gap where a component has one at any step; means, of equal weights, only where
+        one has gaps at more than half of the steps. Consecutive fields of the same steps are summed
+        together, some megabytes of them at a time.
         """
-        contents, window = self._contents, self._window
-        most = max(1, _CHUNK_VALUES // max(1, window.lat.size * window.lon.size))
         for _, same in groupby(weights, key=tuple):
-            while some := list(islice(same, most)):
-                east = self._weighted_sums(contents.u, some)
-                north = self._weighted_sums(contents.v, some)
-                for u, v in zip(east, north, strict=True):
+            while some := list(islice(same, self._most)):
+                for u, v in self._weighted_sums(some):
                     gap = ~(np.isfinite(u) & np.isfinite(v))
                     u[gap] = v[gap] = np.nan
-                    yield Field(window.lon, window.lat, u, v)
+                    yield Field(self._window.lon, self._window.lat, u, v, self._outside)
 
-    def _weighted_sums(
-        self,
-        series: Sequence[StepInFile],
-        weights: Sequence[Mapping[int, float]],
-    ) -> FloatArray:
-        """Return a component's sums (n, ny, nx), m/s, for n sets of weights of the same steps."""
-        total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
-        for steps, values in self.blocks(series, weights[0]):
+    @property
+    def _most(self) -> int:
+        """Number of fields that are in memory at a time."""
+        sizes = [self._window.lat.size * self._window.lon.size, 1]
+        sizes += [mesh.lon.size for mesh in self._meshes if mesh is not None]
+        return max(1, _CHUNK_VALUES // max(sizes))
+
+    def _weighted_sums(self, weights: Sequence[Mapping[int, float]]) -> FloatArray:
+        """Return both components' sums (n, 2, ny, nx), m/s, for n sets of weights of some steps."""
+        shape = (self._window.lat.size, self._window.lon.size)
+        total, known = np.zeros((len(weights), 2, *shape)), np.zeros((2, *shape))
+        equal = len(weights[0]) > 1 and len({*weights[0].values()}) == 1
+        for steps, values in self.blocks(weights[0]):
+            is_known = np.isfinite(values)
+            known += is_known.sum(axis=0)
             shares = [[share_of[step] for step in steps] for share_of in weights]
-            total += np.tensordot(shares, values, axes=1)
-        return total
+            total += np.tensordot(shares, np.where(is_known, values, 0.0), axes=1)
+        share = known / len(weights[0])
+        self.partly = max(
+            self.partly, float(((share < 1) & (share >= _LEAST_KNOWN)).mean()) * equal
+        )
+        share[share < (_LEAST_KNOWN if equal else 1.0)] = np.nan
+        return np.asarray(total / share)
 
-    def blocks(
-        self, series: Sequence[StepInFile], steps: Iterable[int]
-    ) -> Iterator[tuple[list[int], FloatArray]]:
-        """Yield numbers and values (nt, ny, nx), m/s, of some megabytes of steps at a time."""
-        by_part: dict[Component, dict[int, int]] = {}
+    def blocks(self, steps: Iterable[int]) -> Iterator[tuple[list[int], FloatArray]]:
+        """Yield numbers and values (nt, 2, ny, nx), m/s, of some megabytes of steps at a time.
+
+        The components are east and north, at the window's nodes.
+        """
+        by_parts: dict[tuple[Component, Component], list[tuple[int, int, int]]] = {}
         for step in steps:
-            part, own = series[step]
-            by_part.setdefault(part, {})[own] = step
-        most = max(1, _CHUNK_VALUES // max(1, self._window.lat.size * self._window.lon.size))
-        for part, numbers in by_part.items():
-            for first in range(0, len(numbers), most):
-                some = sorted(numbers)[first : first + most]
-                yield [numbers[own] for own in some], self._values(part, some)
+            (u, u_step), (v, v_step) = self._contents.u[step], self._contents.v[step]
+            by_parts.setdefault((u, v), []).append((u_step, v_step, step))
+        for parts, numbers in by_parts.items():
+            numbers.sort()
+            for begin in range(0, len(numbers), self._most):
+                some = numbers[begin : begin + self._most]
+                u_steps, v_steps, numbered = zip(*some, strict=True)
+                first = self._source_values(parts[0], u_steps)
+                second = self._source_values(parts[1], v_steps)
+                yield list(numbered), np.stack(self._east_and_north(first, second), axis=1)
 
-    def _values(self, component: Component, steps: Sequence[int]) -> FloatArray:
-        """Read ascending steps of a file (nt, ny, nx), m/s."""
-        window = self._window
+    def _east_and_north(self, first: FloatArray, second: FloatArray) -> list[FloatArray]:
+        """Return both components of sources as those at the window's nodes (nt, ny, nx), m/s."""
+        frame = self._contents.frame
+        if frame in {"to", "from"}:
+            bearing = np.radians(second + 180.0 * (frame == "from"))
+            first, second = first * np.sin(bearing), first * np.cos(bearing)
+        if self._meshes[0] is None:
+            return [first, second]
+        east, north = (
+            table.interpolated(part)
+            for table, part in zip(self._tables, (first, second), strict=True)
+        )
+        return list(self._tables[0].turned(east, north)) if frame == "lines" else [east, north]
+
+    @cached_property
+    def _meshes(self) -> tuple[SourceMesh | None, SourceMesh | None]:
+        """The meshes of the two components."""
+        return self._contents.u[0][0].mesh, self._contents.v[0][0].mesh
+
+    @cached_property
+    def _outside(self) -> BoolArray | None:
+        """Nodes (ny, nx) of the window outside the meshes; None on axes."""
+        if self._meshes[0] is None:
+            return None
+        first, second = self._tables
+        return first.outside | second.outside
+
+    @cached_property
+    def _tables(self) -> tuple[Table, Table]:
+        """How values at the points of the two components become those at the window's nodes."""
+        first, second = (mesh for mesh in self._meshes if mesh is not None)
+        table = first.table(self._window.lon, self._window.lat)
+        is_one = second is first
+        return table, table if is_one else second.table(self._window.lon, self._window.lat)
+
+    def _source_values(self, component: Component, steps: Sequence[int]) -> FloatArray:
+        """Read steps of a file (nt, ...), in m/s or degrees, at its own points; NaN on land."""
+        values = self._as_stored(component, steps)
+        if component.mesh is not None and len(component.mesh.dims) == 2:
+            if component not in self._dry:
+                self._dry[component] = self._dry_points(component, component.mesh)
+            values[:, self._dry[component]] = np.nan
+        return values
+
+    def _as_stored(self, component: Component, steps: Sequence[int]) -> FloatArray:
+        """Read steps of a file (nt, ...), in m/s or degrees, at its own points."""
         part = dict[str, slice | list[int]]()
+        order = np.argsort(steps)
+        ascending = [steps[i] for i in order]
         if component.time:
-            is_range = steps[-1] - steps[0] == len(steps) - 1
-            part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
+            is_range = ascending[-1] - ascending[0] == len(steps) - 1
+            part[component.time] = slice(ascending[0], ascending[-1] + 1) if is_range else ascending
         try:
             variable = self._dataset(component.file).variables[component.name]
-            variable = variable.isel(component.fixed)
             with reading():
-                values = read_window(variable.isel(part), (component.lat, component.lon), window)
+                variable = variable.isel(component.fixed).isel(part)
+                if component.mesh is None:
+                    values = read_window(variable, (component.lat, component.lon), self._window)
+                else:
+                    values = self._part_of(variable, component.mesh).astype(float)
         except ValueError as error:
             raise ValueError(f"{component.file.name}: {error}") from None
-        return component.unit_m_s * values.reshape(-1, window.lat.size, window.lon.size)
+        spatial = values.shape[1:] if component.time else values.shape
+        return np.asarray(component.unit * values.reshape(-1, *spatial)[np.argsort(order)])
+
+    def _part_of(self, variable: "xr.Variable", mesh: SourceMesh) -> FloatArray:
+        """Read the part of a variable on a mesh that the window needs."""
+        table = self._tables[self._meshes.index(mesh)]
+        part = variable.isel(dict(zip(mesh.dims, table.part, strict=True)))
+        return np.asarray(part.load().transpose(..., *mesh.dims).values)
+
+    def _dry_points(self, component: Component, mesh: SourceMesh) -> BoolArray:
+        """Return which points of curved lines are on land, though they have a value there.
+
+        A mask of the file says so. Without one they are points that are 0 at the first and the last
+        step, if nine in ten points on the world's land are, and few points of water.
+        """
+        dataset = self._dataset(component.file)
+        for name, variable in dataset.variables.items():
+            if set(variable.dims) == set(mesh.dims) and (said := _MASK.search(str(name).lower())):
+                with reading():
+                    return np.asarray(self._part_of(variable, mesh) == (said[0] == "land"))
+        steps = [0, len(component.steps.labels) - 1] if component.steps.labels else [0]
+        zero = (self._as_stored(component, sorted({*steps})) == 0).all(axis=0)
+        part = self._tables[self._meshes.index(mesh)].part
+        lon, lat = mesh.lon[part], mesh.lat[part]
+        is_land = LandMask.world().is_land(lon.ravel(), lat.ravel()).reshape(lon.shape)
+        stands_for_land = zero.any() and is_land.any() and zero[is_land].mean() >= _ZERO_LAND
+        if not stands_for_land or zero[~is_land].mean() > 1 - _ZERO_LAND:
+            return np.zeros(zero.shape, dtype=bool)
+        return np.asarray(zero)
 
     def _dataset(self, file: Path) -> "xr.Dataset":
         """Return an open file."""
@@ -476,6 +590,47 @@ class FieldReader:
         """Close files, the longest open first, until `count` are left."""
         while len(self._open) > count:
             self._open.pop(next(iter(self._open))).close()
+
+
+def filled_in_time(field: Field, times_s: Sequence[float]) -> tuple[Field, tuple[Note, ...]]:
+    """Fill gaps that a field (nt, ny, nx) has at some times only, with a note.
+
+    A value is linear between those before and after, or that of the one there is; both at most
+    three hours or one step away. A node with a longer gap becomes a gap at all times.
+    """
+    gap = field.gap
+    changing = gap.any(axis=0) & ~gap.all(axis=0)
+    if not changing.any():
+        return field, ()
+    times = np.asarray(times_s)
+    most_s = max(_FILLED_S, float(np.median(np.diff(times))))
+    lacking = gap[:, changing]
+    steps, column = np.arange(times.size)[:, None], np.arange(lacking.shape[1])
+    before = np.maximum.accumulate(np.where(lacking, -1, steps), axis=0)
+    after = np.minimum.accumulate(np.where(lacking, times.size, steps)[::-1], axis=0)[::-1]
+    # The times around the series stand for no value at all.
+    padded = np.concatenate([times, [np.inf, -np.inf]])
+    since, until = times[:, None] - padded[before], padded[after] - times[:, None]
+    is_since, is_until = since <= most_s, until <= most_s
+    both = is_since & is_until
+    whole = np.maximum(since + until, 1.0)
+    share = np.divide(since, whole, out=np.where(is_since, 0.0, 1.0), where=both)
+    is_long = (lacking & ~is_since & ~is_until).any(axis=0)
+    parts = []
+    for part in (field.u, field.v):
+        own = part[:, changing]
+        around = [own[np.clip(at, 0, times.size - 1), column] for at in (before, after)]
+        mixed = np.where(share < 1, (1 - share) * around[0], 0.0)
+        mixed += np.where(share > 0, share * around[1], 0.0)
+        parts.append(part.copy())
+        parts[-1][:, changing] = np.where(is_long, np.nan, np.where(lacking, mixed, own))
+    told = Note.of(
+        "current-gaps-filled",
+        share=float(changing.mean()),
+        lost=float(is_long.sum() / changing.size),
+        hours=most_s / 3600,
+    )
+    return replace(field, u=parts[0], v=parts[1]), (told,)
 
 
 WEAK_SHARE = 0.7
@@ -527,10 +682,9 @@ def _time_step(contents: Contents, window: Window, case: Season) -> tuple[timede
     names, count = contents.constituents, len(contents.constituents)
     peaks = np.zeros((2, len(contents.u)))
     with FieldReader(contents, window) as reader:
-        for row, series in enumerate((contents.u, contents.v)):
-            for steps, values in reader.blocks(series, range(2 * count)):
-                sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
-                peaks[row, steps] = sizes.max(axis=(1, 2), initial=0.0)
+        for steps, values in reader.blocks(range(2 * count)):
+            sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
+            peaks[:, steps] = sizes.max(axis=(2, 3), initial=0.0).T
     amplitudes = np.sqrt((peaks[:, : 2 * count] ** 2).reshape(2, 2, count).sum(axis=(0, 1)))
     at = np.array([case.period.begin.replace(tzinfo=None)], "datetime64[us]")
     factors, _ = arguments(names, at)

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 _EAST = "eastward"
 _NORTH = "northward"
+_SPEED = "speed"
+_DIRECTION = "direction"
 # Components by their parameter: a number in edition 1, whose tables from version 128 on are a
 # centre's own; discipline, category and number in edition 2.
 _PARAMETERS: Mapping[tuple[int, ...], str] = {
@@ -34,10 +36,24 @@ _PARAMETERS: Mapping[tuple[int, ...], str] = {
     (50,): _NORTH,
     (10, 1, 2): _EAST,
     (10, 1, 3): _NORTH,
+    (47,): _DIRECTION,
+    (48,): _SPEED,
+    (10, 1, 0): _DIRECTION,
+    (10, 1, 1): _SPEED,
 }
 _FIRST_LOCAL_TABLE = 128
-_NAMES = {_EAST: "uo", _NORTH: "vo"}
-_NEEDED = "the components of a current: 49 and 50 in GRIB 1, 10/1/2 and 10/1/3 in GRIB 2"
+# Variables that components become: name, standard name and unit. The direction of a current is that
+# to which it runs.
+_VARIABLES = {
+    _EAST: ("uo", "eastward_sea_water_velocity", "m s-1"),
+    _NORTH: ("vo", "northward_sea_water_velocity", "m s-1"),
+    _SPEED: ("speed", "sea_water_speed", "m s-1"),
+    _DIRECTION: ("direction", "sea_water_velocity_to_direction", "degree"),
+}
+_NEEDED = (
+    "the components of a current: 49 and 50 in GRIB 1, 10/1/2 and 10/1/3 in GRIB 2, or its "
+    "direction and speed: 47 and 48, or 10/1/0 and 10/1/1"
+)
 _REGULAR = "regular_ll"
 # Depth of each kind of level, m per unit. A lone level of another kind counts as the surface.
 _DEPTHS_M = dict.fromkeys(("surface", "meanSea", "oceanSurface"), 0.0)
@@ -278,9 +294,11 @@ def as_dataset(path: Path, read: Read) -> "xr.Dataset":
     all_fields, others, centre = read
     fields = _uppermost(all_fields, others)
     grid = _one_grid(fields)
-    series = {component: _in_time(fields, component) for component in _NAMES}
+    there = {field.component for field in fields}
+    pair = (_SPEED, _DIRECTION) if not there & {_EAST, _NORTH} else (_EAST, _NORTH)
+    series = {component: _in_time(fields, component) for component in pair}
     times = {component: [field.time for field in own] for component, own in series.items()}
-    if lacking := set(times[_EAST]) ^ set(times[_NORTH]):
+    if lacking := set(times[pair[0]]) ^ set(times[pair[1]]):
         raise ValueError(
             f"it has only one component at {_moment(min(lacking))}; give both for the same times"
         )
@@ -291,21 +309,21 @@ def as_dataset(path: Path, read: Read) -> "xr.Dataset":
     if level in _DEPTHS_M:
         level, value, about = "depth", fields[0].depth_m, _DEPTH
     coordinates: dict[str, Any] = {
-        "time": ("time", np.array(times[_EAST], float), since),
+        "time": ("time", np.array(times[pair[0]], float), since),
         level: (level, [value], about),
         "latitude": ("latitude", np.linspace(*grid.lats), {"units": "degrees_north"}),
         "longitude": ("longitude", np.linspace(*grid.lons), {"units": "degrees_east"}),
         "reference": ((), newest, {"standard_name": "forecast_reference_time", **_SINCE}),
     }
     variables = {
-        _NAMES[component]: xr.Variable(
+        _VARIABLES[component][0]: xr.Variable(
             ("time", level, "latitude", "longitude"),
             _lazy(path, own),
-            {"standard_name": f"{component}_sea_water_velocity", "units": "m s-1"},
+            dict(zip(("standard_name", "units"), _VARIABLES[component][1:], strict=True)),
         )
         for component, own in series.items()
     }
-    periods = np.array([(field.begin, field.time) for field in series[_EAST]], float)
+    periods = np.array([(field.begin, field.time) for field in series[pair[0]]], float)
     variables["periods"] = xr.Variable(("time", "side"), periods)
     return xr.Dataset(variables, coordinates, {"institution": centre})
 
@@ -341,8 +359,8 @@ def _one_grid(fields: Sequence[GribField]) -> Grid:
     grid = grids.pop()
     if grid.kind != _REGULAR:
         raise ValueError(
-            f"its grid is of the kind {grid.kind}; make it NetCDF, as with `cdo -f nc copy`, and "
-            "go on as in docs/how-to/own-currents.md, 'A turned grid'"
+            f"its grid is of the kind {grid.kind}; make it NetCDF, as with `cdo -f nc copy`, which "
+            "is read if it has lon and lat of its points"
         )
     if math.prod(grid.shape) > _MAX_NODES:
         raise ValueError(

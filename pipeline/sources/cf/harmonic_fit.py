@@ -121,13 +121,13 @@ def _fitted(contents: Contents) -> "xr.Dataset":
     moments = np.array([moment.replace(tzinfo=None) for moment in steps.moments], "datetime64[us]")
     names = separable(len(moments) * (steps.interval / timedelta(days=1)), steps.interval)
     design = _design(names, moments, steps.width)
+    contents = contents.on_axes(contents.bounds)
     bounds = (contents.lon.min(), contents.lat.min(), contents.lon.max(), contents.lat.max())
     window = find_window(contents.lon, contents.lat, bounds)
     with FieldReader(contents, window) as reader:
-        (u, u_mean, u_left, u_about), (v, v_mean, v_left, v_about) = (
-            _solved(design, reader.blocks(series, range(len(moments))))
-            for series in (contents.u, contents.v)
-        )
+        solved = _solved(design, reader.blocks(range(len(moments))))
+    constants, (u_mean, v_mean), (u_left, v_left), (u_about, v_about) = solved
+    u, v = constants[:, 0], constants[:, 1]
     # A node that lacks a component at any step has no constants.
     gap = np.where(np.isfinite(u_left + v_left), 0.0, np.nan)
     left, about = u_left + v_left + gap, u_about + v_about
@@ -180,10 +180,10 @@ def _design(
 def _solved(
     design: FloatArray, blocks: Iterator[tuple[list[int], FloatArray]]
 ) -> tuple[ComplexArray, FloatArray, FloatArray, FloatArray]:
-    """Solve the normal equations of one component; NaN where a step has no value.
+    """Solve the normal equations of both components; NaN where a step has no value.
 
-    Returns its constants (constituents, ny, nx), its mean (ny, nx), and the sums of squares (ny,
-    nx) that the fit leaves, and of the series about its mean.
+    Returns their constants (constituents, 2, ny, nx), their means (2, ny, nx), and the sums of
+    squares (2, ny, nx) that the fit leaves, and of the series about their means.
     """
     right, squares, first = np.zeros(()), np.zeros(()), np.zeros(())
     for number, (rows, values) in enumerate(blocks):

@@ -152,7 +152,11 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
     remedy = "fetch the cell and its updates again"
     with shapes.reading(str(base), remedy) as issued:
         shapes.require_self_contained(base)
-        layers = {str(name) for name, _ in pyogrio.list_layers(base)}
+        try:
+            layers = {str(name) for name, _ in pyogrio.list_layers(base)}
+        except pyogrio.errors.DataSourceError:
+            _refuse_other_editions(base)
+            raise
         identification = _identification(base)
         coverage, _ = _objects(base, "M_COVR", box)
         covered = coverage.geometry[coverage.numbers("CATCOV") == _COVERED]
@@ -190,6 +194,23 @@ def _identification(base: Path) -> dict[str, object]:
     if lacking := [name for name in _IDENTIFICATION if name not in fields]:
         raise ValueError(f"its identification lacks {', '.join(lacking)}")
     return fields
+
+
+def _refuse_other_editions(base: Path) -> None:
+    """Refuse updates of another edition than their cell, with which it can't be opened."""
+    pyogrio = shapes.vector_library()
+
+    editions = dict[str, str]()
+    for file in cell_files(base):
+        meta, _, _, columns = pyogrio.raw.read(file, layer="DSID", UPDATES="IGNORE")
+        at = list(meta["fields"]).index("DSID_EDTN")
+        editions[file.suffix] = clean(str(columns[at][0])).strip()
+    own = editions.pop(base.suffix)
+    if others := [suffix for suffix, edition in editions.items() if edition != own]:
+        raise RequestError(
+            f"{base.name}: it is of edition {own}, and the updates {', '.join(others)} beside it "
+            f"are of edition {editions[others[0]]}; remove these, and fetch those of edition {own}"
+        )
 
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:

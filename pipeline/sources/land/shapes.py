@@ -318,8 +318,9 @@ def layer_name(path: Path, name: str) -> str:
         raise RequestError(f"{path} has no layer {name!r}: {near_miss(name, names)}")
     if not name and len(names) != 1:
         raise RequestError(
-            f"{path} has {len(names)} layers with geometries ({', '.join(names)}); name one in a "
-            f'scenario: {{ path = "{path.name}", layer = "…" }}',
+            f"{path} has {len(names)} layers with geometries ({', '.join(names)}); name one, as "
+            f"{path.name},layer={names[0]} or in a scenario "
+            f'{{ path = "{path.name}", layer = "…" }}',
         )
     return name or names[0]
 
@@ -328,8 +329,9 @@ def crs_of(path: Path, given: str | None) -> pyproj.CRS:
     """Return the CRS of a layer, given as text."""
     if not given:
         raise RequestError(
-            f"{path} does not give its CRS: add its .prj file, or name the CRS in a scenario: "
-            f'{{ path = "{path.name}", crs = "EPSG:4326" }} for degrees',
+            f"{path} does not give its CRS: add its .prj file, or name the CRS, for degrees as "
+            f'{path.name},crs=EPSG:4326 or in a scenario {{ path = "{path.name}", crs = '
+            '"EPSG:4326" }',
         )
     try:
         return pyproj.CRS.from_user_input(given)

@@ -132,10 +132,13 @@ class VectorLayer:
         if beyond.any():
             first = int(beyond.argmax())
             west, south, east, north = self.extents[:, first]
+            remedy = f"correct it, or name its right CRS, as {self.path.name},crs=EPSG:…"
+            if self._is_lonlat and (np.abs(self.extents[[1, 0, 3, 2]]) <= limits).all():
+                remedy = "latitude stands before longitude: exchange them"
             raise RequestError(
                 f"{self.path} has coordinates that are impossible in its CRS ({self.crs.name}): "
                 f"feature {self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to "
-                f'{north:g}; correct it, or name the right CRS in a scenario, crs = "EPSG:…"',
+                f"{north:g}; {remedy}",
             )
 
     @cached_property
@@ -234,7 +237,7 @@ class VectorLayer:
         if not np.isfinite(coordinates).all():
             raise RequestError(
                 f"{self.path} is in a CRS ({self.crs.name}) that does not cover the region: name "
-                'the right one in a scenario, crs = "EPSG:…"',
+                f"the right one, as {self.path.name},crs=EPSG:…",
             )
 
     def _to_lonlat(self, geometry: Geometries, box: shapely.Polygon) -> Geometries:
@@ -290,12 +293,14 @@ _ASSUMED_ACCURACY_M = 50.0
 class VectorFile:
     """One layer of a vector file; `source` is the scenario's table about it.
 
-    `entry` is the catalogue's entry for such files, where the scenario names one.
+    `entry` is the catalogue's entry for such files, where the scenario names one. A file that adds
+    to another chart need not have anything near the region.
     """
 
     path: Path
     source: ChartSource
     entry: VectorSpec | None = None
+    is_addition: bool = False
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
@@ -337,7 +342,9 @@ class VectorFile:
         version = tuple(file.stat().st_mtime_ns for file in self._files)
         layer = open_layer(self.path, self.source.layer, self.source.crs, version)
         near, notes = layer.near(box)
-        if len(near) == 0:
+        if len(near) == 0 and self.is_addition:
+            notes = (*notes, Note.of("chart-not-near", source=self.path.name))
+        elif len(near) == 0:
             raise self._nothing_near(layer)
         is_given = self.entry or self.source.accuracy_m is not None
         name, accuracy_m = self.path.name, _ASSUMED_ACCURACY_M
@@ -364,9 +371,9 @@ class VectorFile:
             ]
             raise RequestError(
                 f"{self.path} has {' and '.join(counts)} near the region, which are not areas: "
-                "make polygons of them, or give the radius in metres that is no-go around them in "
-                "a scenario: "
-                f'{{ path = "{self.path.name}", radius_m = 20 }}',
+                "make polygons of them, or give the radius that is no-go around them, as "
+                f'{self.path.name},radius=20m or in a scenario {{ path = "{self.path.name}", '
+                "radius_m = 20 }",
             )
         grown = shapes.buffered(thin, self.source.radius_m or 0.0)
         return shapes.extract_polygons(np.concatenate([parts[dimension == _AREA], grown]))
@@ -381,7 +388,8 @@ class VectorFile:
         listed = ", ".join(f"{bound:g}" for bound in bounds)
         return RequestError(
             f"{self.path} has nothing near the region (its bounds in {layer.crs.name}: {listed}): "
-            "leave it out, or if that is wrong, name the right CRS in a scenario",
+            f"leave it out, or if that is wrong, name its right CRS, as "
+            f"{self.path.name},crs=EPSG:…",
         )
 
 

@@ -17,9 +17,12 @@ from pipeline.scenario.season import period
 from pipeline.voyage.positions import Position, halves, joined, read_position
 from pipeline.voyage.readers import (
     length_m,
+    read_charts,
     read_months,
+    read_variables,
     speed_m_s,
     speed_or_range,
+    vector_file,
 )
 from tests.pipeline.voyage.waters import scenario_of
 
@@ -277,3 +280,43 @@ def test_typed_values_are_taken_as_they_are() -> None:
     for speeds, fault in (((0.0, 9.0), "0 or less"), ((9.0, 4.0), "above its end")):
         with pytest.raises(ValueError, match=fault):
             speed_or_range(speeds)
+
+
+def test_facts_about_a_file_stand_behind_its_path(tmp_path: Path) -> None:
+    file = tmp_path / "rocks, all.geojson"
+    file.write_text("{}")
+    read = vector_file("give a file")
+    text = f"{file},layer=a,b,crs=EPSG:4326,radius=50m,accuracy=0.1km"
+    assert read(text) == {
+        "path": str(file),
+        "layer": "a,b",
+        "crs": "EPSG:4326",
+        "radius_m": 50.0,
+        "accuracy_m": 100.0,
+    }
+    assert read(file) == {"path": str(file)}
+    for wrong, said in ((f"{file},radius=far", "far"), (f"{file},radius=-1m", "above 0")):
+        with pytest.raises(ValueError, match=said):
+            read(wrong)
+    with pytest.raises(ValueError, match="give no accuracy, but layer"):
+        vector_file("give a file", ("layer",))(f"{file},accuracy=4m")
+    with pytest.raises(ValueError, match=r"does not exist; give a file"):
+        read(f"{tmp_path / 'none'},radius=50m")
+
+
+def test_charts_are_names_and_files(tmp_path: Path) -> None:
+    file = tmp_path / "rocks.geojson"
+    file.write_text("{}")
+    path = {"path": str(file)}
+    assert read_charts(["osm-land", f"{file},radius=1m"]) == (
+        {"name": "osm-land"},
+        {**path, "radius_m": 1.0},
+    )
+    assert read_charts(file) == read_charts(str(file)) == (path,)
+
+
+@pytest.mark.parametrize("names", ["water_u,water_v", "water_u water_v", ["water_u", "water_v"]])
+def test_two_variables(names: str | list[str]) -> None:
+    assert read_variables(names) == ("water_u", "water_v")
+    with pytest.raises(ValueError, match="is not two names"):
+        read_variables("water_u")

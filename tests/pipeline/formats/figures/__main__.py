@@ -73,7 +73,7 @@ def draw(output: Path, charts: Path | None) -> None:
             continue
         scenario = load_scenario(
             picture.scenario,
-            charts=charts if needs_charts else None,
+            charts=[{"path": str(charts)}] if needs_charts else (),
             currents=(picture.currents,) if picture.currents else (),
         )
         with planned_scenario(scenario, output, offline=True) as result:

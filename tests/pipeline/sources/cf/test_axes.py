@@ -88,10 +88,18 @@ def test_days_in_float32_are_rounded_to_the_second() -> None:
     assert found.labels == ("2019-02-23T06:00Z",)
 
 
-@pytest.mark.parametrize("calendar", ["360_day", "noleap", "julian", "nonsense"])
+@pytest.mark.parametrize("calendar", ["360_day", "noleap", "nonsense"])
 def test_another_calendar_is_refused(calendar: str) -> None:
     with pytest.raises(ValueError, match=f"'{calendar}'.*convert_calendar"):
         read([0], calendar=calendar)
+
+
+def test_a_calendar_called_julian_means_the_real_dates() -> None:
+    # OSCAR's: 12,492 days from 1990-01-01 are 2024-03-15 in both calendars.
+    found = read([12492], "days since 1990-01-01", calendar="julian")
+    assert found.labels == ("2024-03-15",)
+    with pytest.raises(ValueError, match=r"'julian'.*convert_calendar"):
+        read([0], "days since 1850-01-01", calendar="julian")
 
 
 @pytest.mark.parametrize("units", ["m", "", "days since the flood", "fortnights since 2020-01-01"])

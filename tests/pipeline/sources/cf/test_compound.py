@@ -400,7 +400,7 @@ MESH = {"lat": "node", "lon": "other"}
         (lambda one: one.assign(u_re=one["u_re"].assign_attrs(units="degrees")),
          "u_re is in 'degrees', not in m s-1"),
         (lambda one: one.rename(MESH).drop_vars(list(MESH.values())),
-         "not along a latitude and a longitude; make its coordinate"),
+         "nothing says at which longitude and latitude its values are"),
         (lambda one: one.assign(v_im=one["v_im"].isel(constituent=0, drop=True)),
          "v_im has no dimension 'constituent'"),
         (lambda one: one * 30, "speeds reach "),

@@ -136,7 +136,7 @@ BAD: dict[str, tuple[Callable[[], xr.Dataset], list[str]]] = {
         [
             "no pair of current components among zos (no standard name), thetao (sea_water_pot",
             "eastward_sea_water_velocity and northward_sea_water_velocity",
-            "utotal/vtotal, uo/vo, ugos/vgos, u/v, water_u/water_v",
+            "utotal/vtotal, uo/vo, ugos/vgos, u/v and the like",
         ],
     ),
     "one component": (lambda: dataset(SEA)[["uo"]], ["uo (eastward_sea_water_velocity)"]),
@@ -144,7 +144,6 @@ BAD: dict[str, tuple[Callable[[], xr.Dataset], list[str]]] = {
         lambda: dataset(SEA, units="furlong/h"),
         ["uo is in 'furlong/h'", "vo is in 'furlong/h'"],
     ),
-    "staggered": (_staggered, ["vo has other longitudes than uo", "staggered"]),
     "an ensemble": (
         lambda: xr.concat([dataset(SEA)] * 3, "member"),
         ["the dimension member (3)", "neither time, depth, latitude nor longitude"],

@@ -113,14 +113,19 @@ def test_a_window_has_all_nodes_inside_and_no_others(
 # --- weights and gaps ---------------------------------------------------------------------------
 
 
-def test_a_gap_in_one_step_is_a_gap_in_the_mean(tmp_path: Path) -> None:
-    first, second = (sea(LON, LAT, seed=day) for day in range(2))
-    second.v[45, 45] = np.nan
-    path = write(tmp_path / "two.nc", dataset(first, second, times=["2024-07-01", "2024-07-02"]))
-    mean = read(path, weights={0: 0.5, 1: 0.5}, box=(122.0, 12.0, 123.0, 13.0))
-    at = np.flatnonzero(mean.lon == LON[45]), np.flatnonzero(mean.lat == LAT[45])
-    assert np.isnan(mean.u[at[1], at[0]]).all()
+def test_a_mean_is_of_the_steps_that_are_there_at_least_half(tmp_path: Path) -> None:
+    days = [sea(LON, LAT, seed=day) for day in range(3)]
+    days[1].v[45, 45] = days[1].v[45, 46] = days[2].v[45, 46] = np.nan
+    times = ["2024-07-01", "2024-07-02", "2024-07-03"]
+    path = write(tmp_path / "three.nc", dataset(*days, times=times))
+    box = (122.0, 12.0, 123.0, 13.0)
+    mean = read(path, weights=dict.fromkeys(range(3), 1 / 3), box=box)
+    at = int(np.flatnonzero(mean.lat == LAT[45])[0]), int(np.flatnonzero(mean.lon == LON[45])[0])
+    assert mean.v[at] == pytest.approx((days[0].v[45, 45] + days[2].v[45, 45]) / 2)
+    assert np.isnan(mean.v[at[0], at[1] + 1])
     assert np.isnan(mean.u).sum() == np.isnan(mean.v).sum() == 1
+    # Linear in time there is no such mean.
+    assert np.isnan(read(path, weights={0: 0.3, 1: 0.7}, box=box).u[at])
 
 
 # --- coverage -----------------------------------------------------------------------------------
@@ -391,12 +396,25 @@ def test_a_departure_outside_the_steps(
     assert words in refusal(tmp_path, hourly(steps), season(hour))
 
 
-def test_a_gap_at_one_time_alone(tmp_path: Path, steps: list[Field]) -> None:
+def test_gaps_at_some_times_are_filled_in_time(tmp_path: Path, steps: list[Field]) -> None:
     data = hourly(steps)
+    true = data.uo.values.copy()
     data.uo[6, 24, 18] = data.uo[7, 24, 18] = np.nan
-    message = refusal(tmp_path, data)
-    assert "1 cells have data either at 2026-11-22T06:00Z or at 2026-11-22T02:00Z" in message
-    assert "1 cells have data either at 2026-11-22T07:00Z" in message
+    data.uo[:, 26, 18] = np.where(np.arange(len(steps)) < 9, np.nan, true[:, 26, 18])  # too long
+    data.vo[2:4, 25, 18] = np.nan  # the first two steps that are read
+    grid = fetched(season(2.5, max_hours=12), write(tmp_path / "gaps.nc", data))
+    first = 2
+    column, rows = (
+        np.searchsorted(axis, at)
+        for axis, at in ((grid.lon, steps[0].lon[18]), (grid.lat, steps[0].lat[24:27]))
+    )
+    for hour, share in ((6, 1 / 3), (7, 2 / 3)):
+        mixed = (1 - share) * true[5, 24, 18] + share * true[8, 24, 18]
+        assert grid.u[hour - first, rows[0], column] == pytest.approx(mixed)
+    assert np.isfinite(grid.v[:, rows[1], column]).all()
+    assert np.isnan(grid.u[:, rows[2], column]).all()
+    (told,) = [note for note in grid.notes if note.kind == "current-gaps-filled"]
+    assert told.is_decision
 
 
 def test_an_impossible_speed_at_a_single_time_is_refused(

@@ -208,7 +208,6 @@ def test_a_forecast_is_placed_by_its_valid_time_and_a_mean_by_its_middle(
     ("names", "said"),
     [
         (("u10", "v10"), "it has U component of wind, V component of wind, and not the components"),
-        (("dirc", "spc"), "irection"),
         (("uo", "v10"), "it has only one component at 2024-07-01T00:00Z"),
     ],
 )

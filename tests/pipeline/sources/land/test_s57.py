@@ -182,6 +182,18 @@ def test_a_missing_update_is_refused(boston: Path) -> None:
         S57Chart(boston, RULE).land(BOSTON)
 
 
+def test_updates_of_another_edition_are_named_and_may_be_removed(boston: Path) -> None:
+    base = boston / "US5BOSCD.000"
+    old = base.read_bytes()
+    at = old.index(b"US5BOSCD.000\x1f4\x1f") + len(b"US5BOSCD.000\x1f")
+    base.write_bytes(old[:at] + b"5" + old[at + 1 :])
+    with pytest.raises(RequestError, match=r"of edition 5, and the updates \.001, .*edition 4;"):
+        S57Chart(boston, RULE).land(BOSTON)
+    for update in boston.glob("US5BOSCD.00[1-5]"):
+        update.unlink()
+    assert S57Chart(boston, RULE).land(BOSTON).polygons
+
+
 def test_a_cancelled_cell_is_refused(boston: Path) -> None:
     # S-57 3.1, B.1, 5.7: the cancelling update has the data set's general information alone, with
     # the edition 0.
@@ -469,7 +481,7 @@ def test_boston_by_its_soundings_and_marks(oscar: Path, shared: Path, tmp_path: 
     cells.mkdir()
     for file in (shared / "data" / "charts").glob("US5BOSCD.*"):
         shutil.copyfile(file, cells / file.name)
-    scenario = load_scenario("boston-enc", charts=cells, currents=[oscar])
+    scenario = load_scenario("boston-enc", charts=[{"path": str(cells)}], currents=[oscar])
     outcome = run(scenario, tmp_path / "outputs")
     assert_valid(outcome)
     assert scenario.region is not None

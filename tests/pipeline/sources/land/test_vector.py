@@ -234,6 +234,9 @@ def test_a_file_of_another_region_or_in_a_wrong_crs_is_refused(tmp_path: Path) -
     metres = write(tmp_path / "metres.gpkg", in_crs(ISLAND, "EPSG:32651"))
     with pytest.raises(RequestError, match=r"impossible in its CRS \(WGS 84\).*right CRS"):
         land(metres)
+    swapped = shapely.transform(ISLAND, lambda points: points[:, ::-1])
+    with pytest.raises(RequestError, match="latitude stands before longitude"):
+        land(write(tmp_path / "swapped.geojson", swapped))
 
 
 @pytest.mark.parametrize("name", ["curvepolygon", "multisurface"])

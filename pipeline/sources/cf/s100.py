@@ -1,0 +1,221 @@
+"""Official water on grids, HDF5 by the IHO's S-100: S-111 currents, S-104 levels, S-102 depths.
+
+They become datasets by the CF conventions. Units and fill values are those that the file's own
+`Group_F` states, as text. Sources are S-100 part 10c (editions 4 and 5), S-111 1.0 to 2.0, S-104
+2.0 and S-102 3.0. No library reads them: GDAL's drivers read one time at a time, none of S-111 1.0
+and none of irregular points; s100py (3.2) needs GDAL's Python bindings, which have no wheels.
+"""
+
+import re
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline._types import FloatArray, IndexArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_HDF5 = b"\x89HDF"
+# Attributes by the CF conventions of what features hold, by its code.
+_VARIABLES: Mapping[str, Mapping[str, str]] = {
+    "surfaceCurrentSpeed": {"standard_name": "sea_water_speed"},
+    "surfaceCurrentDirection": {"standard_name": "sea_water_velocity_to_direction"},
+    "waterLevelHeight": {"standard_name": "water_surface_height_above_reference_datum"},
+    "depth": {"standard_name": "sea_floor_depth_below_geoid", "positive": "down"},
+}
+_FEATURES = ("SurfaceCurrent", "WaterLevel", "BathymetryCoverage")
+# Coding formats that are read: a regular grid, and points in any order.
+_REGULAR = 2
+_POINTS = 3
+_FORMATS = {1: "fixed stations", 4: "a moving platform", 8: "fixed stations"}
+# Where the first value of a regular grid is, and how the values run: to the east first.
+_SCAN = ("longitude,latitude", "easting,northing", "x,y")
+# Type of a depth that is counted from the sea's surface.
+_BELOW_SURFACE = 2
+# Largest number of values of a file: 1 GB.
+_MAX_VALUES = 1 << 27
+# Triangles with an edge of this multiple of the median edge join points across land.
+_LONGEST_EDGE = 2.5
+_SINCE = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
+
+
+class UnusableError(ValueError):
+    """A file that can be read, and holds nothing that is of use here."""
+
+
+def is_s100(path: Path) -> bool:
+    """Whether a file is HDF5 that describes its features as S-100 does."""
+    import h5py
+
+    with path.open("rb") as file:
+        if file.read(4) != _HDF5:
+            return False
+    with h5py.File(path) as opened:
+        return "Group_F" in opened
+
+
+def as_dataset(path: Path) -> "xr.Dataset":
+    """Read a file as a dataset.
+
+    Raises
+    ------
+    UnusableError
+        It has something else, or of a kind that makes no field.
+    OSError, KeyError
+        It is damaged.
+    """
+    import h5py
+    import xarray as xr
+
+    with h5py.File(path) as file:
+        feature = next((name for name in _FEATURES if name in file), "")
+        if not feature:
+            raise UnusableError(
+                f"it is S-100 without {', '.join(_FEATURES)}; give a file that has one"
+            )
+        coding = int(file[feature].attrs["dataCodingFormat"])
+        if coding not in {_REGULAR, _POINTS}:
+            kind = _FORMATS.get(coding, f"coding format {coding}")
+            raise UnusableError(
+                f"its {feature} is of {kind}, not on a grid; give a file of coding format 2 or 3"
+            )
+        instances = [own for name, own in file[feature].items() if name.startswith(f"{feature}.")]
+        if len(instances) != 1:
+            raise UnusableError(f"it has {len(instances)} grids of {feature}; give a file with one")
+        variables = _variables(file, feature, instances[0], coding)
+        dims, coordinates = _places(file, instances[0], coding)
+        about = {**file.attrs, **file[feature].attrs}
+        named = {code: (dims, *own) for code, own in variables.items()}
+        return xr.Dataset(
+            named | coordinates[1],
+            {**coordinates[0], **_moments(instances[0]), **_depth(about)},
+            _credit(about),
+        )
+
+
+def _text(value: Any) -> str:  # noqa: ANN401 - bytes or str, as h5py gives either
+    """Return a text of a file."""
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _groups(instance: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
+    """Return the groups of an instance with the values, one for each time."""
+    return [instance[name] for name in sorted(instance) if name.startswith("Group_")]
+
+
+def _variables(
+    file: Any,  # noqa: ANN401 - h5py has no types
+    feature: str,
+    instance: Any,  # noqa: ANN401 - as above
+    coding: int,
+) -> dict[str, tuple[FloatArray, dict[str, str]]]:
+    """Return the values (time, ...) of each known code, as they are stored, with attributes."""
+    stated = {_text(row["code"]): row for row in file["Group_F"][feature][:]}
+    groups = _groups(instance)
+    size = sum(group["values"].size for group in groups)
+    if not size or size > _MAX_VALUES:
+        raise UnusableError(f"it has {size:,} values; there must be 1 to {_MAX_VALUES:,}")
+    read = np.stack([group["values"][:] for group in groups])
+    if coding == _REGULAR:
+        scan = _text(file[feature].attrs.get("sequencingRule.scanDirection", _SCAN[0]))
+        start = _text(instance.attrs.get("startSequence", "0,0"))
+        if scan.lower().replace(" ", "") not in _SCAN or start.replace(" ", "") != "0,0":
+            raise UnusableError(
+                f"its values run along {scan} from {start}; only longitude first is read"
+            )
+    found: dict[str, tuple[FloatArray, dict[str, str]]] = {}
+    for code, attributes in _VARIABLES.items():
+        if code not in (read.dtype.names or ()) or code not in stated:
+            continue
+        values = np.asarray(read[code])
+        fill = values.dtype.type(float(_text(stated[code]["fillValue"])))
+        about = {"units": _text(stated[code]["uom.name"]), **attributes}
+        found[code] = (np.where(values == fill, values.dtype.type(np.nan), values), about)
+    if not found:
+        raise UnusableError(f"its {feature} has none of {', '.join(_VARIABLES)}")
+    return found
+
+
+def _places(
+    file: Any,  # noqa: ANN401 - h5py has no types
+    instance: Any,  # noqa: ANN401 - as above
+    coding: int,
+) -> tuple[tuple[str, ...], tuple[dict[str, Any], dict[str, Any]]]:
+    """Return the dimensions of values, and the coordinates and corners of cells for them."""
+    attributes = instance.attrs
+    degrees = ({"units": "degrees_north"}, {"units": "degrees_east"})
+    if coding == _POINTS:
+        points = instance["Positioning/geometryValues"][:]
+        lon, lat = (np.asarray(points[name], float) for name in ("longitude", "latitude"))
+        corners = _triangulated(lon, lat)
+        placed = {"lat": ("node", lat, degrees[0]), "lon": ("node", lon, degrees[1])}
+        about = {"cf_role": "face_node_connectivity", "start_index": "0"}
+        return ("time", "node"), (placed, {"corners": (("cell", "corner"), corners, about)})
+    axes = [
+        float(attributes[f"gridOrigin{axis}itude"])
+        + float(attributes[f"gridSpacing{axis}itudinal"])
+        * np.arange(int(attributes[f"numPoints{axis}itudinal"]))
+        for axis in ("Lat", "Long")
+    ]
+    crs = int(file.attrs.get("horizontalCRS", file.attrs.get("horizontalDatumValue", 4326)))
+    if crs == 4326:
+        placed = {"lat": ("lat", axes[0], degrees[0]), "lon": ("lon", axes[1], degrees[1])}
+        return ("time", "lat", "lon"), (placed, {})
+    from pyproj import Transformer
+
+    x, y = np.meshgrid(axes[1], axes[0])
+    lon, lat = Transformer.from_crs(crs, "OGC:CRS84", always_xy=True).transform(x, y)
+    places = {"lat": (("y", "x"), lat, degrees[0]), "lon": (("y", "x"), lon, degrees[1])}
+    return ("time", "y", "x"), (places, {})
+
+
+def _triangulated(lon: FloatArray, lat: FloatArray) -> IndexArray:
+    """Return triangles (m, 3) between points, without those that reach across gaps."""
+    from scipy.spatial import Delaunay
+
+    points = np.stack([lon * np.cos(np.radians(lat.mean())), lat], axis=-1)
+    triangles = Delaunay(points).simplices.astype(np.intp)
+    corners = points[triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
+    return np.asarray(triangles[edges <= _LONGEST_EDGE * np.median(edges)])
+
+
+def _moments(instance: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
+    """Return the coordinate of the times of the groups, seconds since 1970."""
+    stamps = [re.sub(r"\D", "", _text(group.attrs["timePoint"])) for group in _groups(instance)]
+    if min(map(len, stamps)) < 14:
+        return {}
+    seconds = [datetime.strptime(f"{s[:14]}+0000", "%Y%m%d%H%M%S%z").timestamp() for s in stamps]
+    about = {"standard_name": "time", "cell_methods": "time: point", **_SINCE}
+    return {"time": ("time", np.array(seconds), about)}
+
+
+def _depth(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the coordinate of the depth of currents, if the file counts it from the surface."""
+    if (
+        "surfaceCurrentDepth" not in about
+        or about.get("depthTypeIndex", _BELOW_SURFACE) != _BELOW_SURFACE
+    ):
+        return {}
+    depth_m = abs(float(about["surfaceCurrentDepth"]))
+    return {"depth": ((), depth_m, {"standard_name": "depth", "units": "m", "positive": "down"})}
+
+
+def _credit(about: Mapping[str, Any]) -> dict[str, str]:
+    """Return a file's attributes by the CF conventions, with its time of issue."""
+    product = _text(about.get("productSpecification", "S-100"))
+    place = _text(about.get("geographicIdentifier", ""))
+    method = about.get("methodCurrentsProduct", about.get("methodWaterLevelProduct", ""))
+    issued = "".join(
+        re.sub(r"\D", "", _text(about.get(key, "")))[:size]
+        for key, size in (("issueDate", 8), ("issueTime", 6))
+    )
+    known = {"title": f"{place.replace('_', ' ')} ({product})", "source": _text(method)}
+    if len(issued) == 14:
+        known["reference_time"] = datetime.strptime(issued, "%Y%m%d%H%M%S").isoformat()  # noqa: DTZ007
+    datum = {key: _text(about[key]) for key in ("verticalDatum",) if key in about}
+    return known | datum
