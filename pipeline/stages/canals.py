@@ -85,8 +85,14 @@ def canal_notes(start: Point, goal: Point, around_m: float | None) -> Iterator[N
             break
         way_m = canal.length_m + sum(_by_water_m((start, one), (other, goal)))
         if way_m <= most_m and (found is None or way_m < found[0]):
-            places = {"begin": Place(*one), "end": Place(*other)}
-            found = way_m, Note.of("canal-left-out", canal=canal.name, way_m=way_m, **places)
+            note = Note.of(
+                "canal-left-out",
+                canal=canal.name,
+                way_m=way_m,
+                begin=Place(*one),
+                end=Place(*other),
+            )
+            found = way_m, note
     if found is not None:
         yield found[1]
 
