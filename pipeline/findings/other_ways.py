@@ -8,7 +8,7 @@ detour around a shut gap depends on the smaller of the two parts.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -169,13 +169,7 @@ def shut_straits(
     likely = given.likely_width(radius)
     turns = 2 * radius if given.is_adaptive else 0.0
     finder = _StraitFinder(found[0][0].water, likely, max(likely, turns))
-    paths = [shapely.LineString(route.path) for _, result in found for route in result.routes]
-    gaps = [
-        gap
-        for gap in finder.gaps(result for _, result in found)
-        if any(_is_on_the_way(gap.line, *one) for one in found)
-        and not shapely.LineString(gap.line).intersects(paths).any()
-    ]
+    gaps = finder.gaps([result for _, result in found], partial(_may_save, found))
     share = np.array([gap.strait.width_m / gap.strait.needed_m for gap in gaps])
     ways = shortcuts(found, np.array([gap.line for gap in gaps]), share, options.drift)
     known = (*places, *island_places(finder.water))
@@ -191,11 +185,15 @@ def shut_straits(
     )
 
 
-def _is_on_the_way(line: FloatArray, case: Case, result: CaseResult) -> bool:
-    """Whether a way through a strait (2, 2) may be as short as the best route."""
-    middle = line.mean(axis=0)
-    straight = math.dist(case.start, middle) + math.dist(middle, case.goal)
-    return straight <= _LONGER * result.routes[0].length
+def _may_save(planned: Sequence[tuple[Case, CaseResult]], line: FloatArray) -> bool:
+    """Whether no route passes a strait (2, 2), and a way through may be as short as a best one."""
+    middle, gap = line.mean(axis=0), shapely.LineString(line)
+    paths = (route.path for _, result in planned for route in result.routes)
+    return any(
+        math.dist(case.start, middle) + math.dist(middle, case.goal)
+        <= _LONGER * result.routes[0].length
+        for case, result in planned
+    ) and not any(gap.intersects(shapely.LineString(path)) for path in paths)
 
 
 class _Gap(NamedTuple):
@@ -238,28 +236,40 @@ class _StraitFinder:
         """A spatial index of the original land."""
         return shapely.STRtree(np.array(self.water.land, dtype=object))
 
-    def gaps(self, results: Iterable[CaseResult]) -> list[_Gap]:
-        """Return the straits that padding shuts, each once.
+    def gaps(
+        self, results: Sequence[CaseResult], counts: Callable[[FloatArray], bool]
+    ) -> list[_Gap]:
+        """Return the straits that padding shuts and whose line (2, 2) counts, each once.
 
         One at which classes were rejected is told with the figures of their refusals. It is left
         out if it is wide enough for the padding of its own banks: other land shuts it.
         """
-        shut = [*self._shut()]
-        found = dict(zip(self._shores([gap.line for gap in shut]), shut, strict=True))
-        for result in results:
-            for one in result.plan.rejected if result.plan else ():
-                line = self.water.shores(one.strait.gap) if one.strait else None
-                if one.strait is None or line is None:
-                    continue  # a corner of the channel may have water beyond it
-                (shores,), strait = self._shores([line]), self._refused(one.strait, line)
-                if strait.width_m > strait.needed_m:
-                    continue
-                known = found.get(shores, _Gap(line, strait))
-                if before := known.strait.seasons:
-                    strait = max(known.strait, strait, key=lambda strait: strait.needed_m)
-                cases = tuple(dict.fromkeys((*before, result.name)))
-                found[shores] = known._replace(strait=replace(strait, seasons=cases), is_sure=True)
-        return [*found.values()]
+        gaps = [*self._shut(counts)]
+        rejected = [
+            (result.name, one.strait)
+            for result in results
+            for one in (result.plan.rejected if result.plan else ())
+            if one.strait
+        ]
+        lines = [gap.line for gap in gaps] if rejected else []
+        known = {both: at for at, both in enumerate(self._shores(lines))}
+        for case, strait in rejected:
+            line = self.water.shores(strait.gap)
+            # A corner of the channel may have water beyond it.
+            if line is None or not counts(line):
+                continue
+            (shores,), told = self._shores([line]), self._refused(strait, line)
+            if told.width_m > told.needed_m:
+                continue
+            if shores not in known:
+                known[shores] = len(gaps)
+                gaps.append(_Gap(line, told))
+            before = gaps[known[shores]].strait
+            if before.seasons:
+                told = max(before, told, key=lambda strait: strait.needed_m)
+            told = replace(told, seasons=tuple(dict.fromkeys((*before.seasons, case))))
+            gaps[known[shores]] = gaps[known[shores]]._replace(strait=told, is_sure=True)
+        return gaps
 
     def _shores(self, lines: Sequence[FloatArray]) -> list[tuple[int, ...]]:
         """Return the numbers of the two polygons of land that each line (2, 2) joins, in order."""
@@ -278,13 +288,15 @@ class _StraitFinder:
             names += [max(on, key=lambda place: place.area_deg2).name] if on else []
         return tuple(dict.fromkeys(names))
 
-    def _shut(self) -> Iterator[_Gap]:
-        """Yield the bottlenecks of the land that padding shuts, the narrowest first."""
+    def _shut(self, counts: Callable[[FloatArray], bool]) -> Iterator[_Gap]:
+        """Yield the bottlenecks of the land that padding shuts, as far as they count."""
         scale, land = self.water.projection.scale, self._land.geometries
         near = land[shapely.intersects(self.water.chart.extent, land)]
         padding_m = 2 * self.turns * scale
         widest = 2 * self.water.added_m / scale + 2 * self.turns
         for line, part in narrow_gaps(near, widest, partial(self._is_shut, padding=self.turns)):
+            if not counts(line):
+                continue
             by_margin = self._open_water(line) * scale <= _NO_WATER_M
             strait = self._strait(line, 2 * self.water.added_m + padding_m, padding_m)
             strait = replace(strait, by="margin") if by_margin else strait

@@ -40,8 +40,6 @@ _SAMPLES = 1000
 # Points are abeam of an island if their distance from its centre is at most this multiple of the
 # smallest distance.
 _NEAR = 2.0
-# Number of letters of class names that are explained in a refusal.
-_MAX_LETTERS = 8
 
 
 def way_names(
@@ -68,17 +66,6 @@ def way_names(
         named.append(replace(result, measures=measures))
     rejected = [one for result in results if result.plan for one in result.plan.rejected]
     return tuple(named), namer.islands(), namer.class_islands(_letters(rejected))
-
-
-def class_names_text(names: Sequence[str], water: Water) -> Iterator[str]:
-    """Yield a sentence that explains some names of classes, if there are any."""
-    found = [letter for name in names for letter in re.findall(r"\b([ps])(\d+)\b", name)]
-    letters = dict.fromkeys((side, int(number)) for side, number in found)
-    meanings = _WayNamer(water, {}, ()).meanings(letters)
-    if "e" in names:
-        meanings.append("e stands for none of the letters")
-    if meanings:
-        yield f"in names of classes, {', '.join(meanings)}"
 
 
 def _letters(classes: Iterable[renew.Route | renew.Rejected]) -> frozenset[int]:
@@ -136,17 +123,6 @@ class _WayNamer:
         known = (rejected | self._spelled) & set(self._rays.island.tolist())
         numbers = known - (self._used - set(self._names))
         return tuple(self._numbered(island) for island in sorted(numbers))
-
-    def meanings(self, letters: Iterable[tuple[str, int]]) -> list[str]:
-        """Say what the first few letters of class names mean: "p2 leaves Palawan to port"."""
-        known = set(self._rays.island.tolist())
-        sides = {"p": "port", "s": "starboard"}
-        return [
-            f"{side}{island} leaves {self._catalogue_name(island) or 'the island'} at "
-            f"{self._water.place_text(self._point(island))} to {sides[side]}"
-            for side, island in letters
-            if island in known
-        ][:_MAX_LETTERS]
 
     def _numbered(self, island: int, name: str = "") -> NumberedIsland:
         """Return an island with its number, name and position."""

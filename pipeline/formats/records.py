@@ -214,7 +214,7 @@ def write_currents(case: RunCase, path: Path) -> None:
     OSError
         The file can't be written.
     """
-    import xarray as xr
+    import netCDF4
 
     grid, planned = case.source_grid, case.case
     table, projection = planned.current.table(planned.chart.bounds), planned.projection
@@ -246,14 +246,17 @@ def write_currents(case: RunCase, path: Path) -> None:
             "ancillary_variables": "filled",
         }
         content[name] = (dimensions, (velocity if changes else velocity[0])[..., component], about)
-    packed = {"zlib": True, "shuffle": True}
-    encoding = {
-        name: {"_FillValue": None} | (packed if "x" in of and "y" in of else {})
-        for name, (of, *_) in content.items()
-    }
-    dataset = xr.Dataset(content, attrs=_about(case, grid))
     try:
-        dataset.to_netcdf(path, engine="netcdf4", encoding=encoding)
+        with netCDF4.Dataset(path, "w") as file:
+            file.setncatts(_about(case, grid))
+            for name, size in zip(("time", "y", "x"), velocity.shape, strict=False):
+                if name in dimensions:
+                    file.createDimension(name, size)
+            for name, (of, values, attributes) in content.items():
+                array, is_field = np.asarray(values), "x" in of and "y" in of
+                variable = file.createVariable(name, array.dtype, of, zlib=is_field)
+                variable.setncatts(attributes)
+                variable[...] = array
     except RuntimeError as error:  # HDF5's
         raise os_error(path, error) from error
 

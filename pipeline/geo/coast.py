@@ -251,15 +251,20 @@ def _connected(
         return water
     near = np.unique(shapely.STRtree(way).query(water.land, predicate="intersects")[1])
     blocked = way[near]
-    _, room_m = shapely.STRtree(original).query_nearest(
+    (_, nearest), room_m = shapely.STRtree(original).query_nearest(
         blocked, return_distance=True, all_matches=False
     )
     narrowest = int(np.argmin(room_m))
     cleared = shapely.union_all(shapely.buffer(blocked, _CLEARED * np.minimum(room_m, added_m)))
-    land, width_m = _without(water.land, cleared), 2 * float(room_m[narrowest])
+    land = _without(water.land, cleared)
+    shore, middle = shapely.get_coordinates(
+        shapely.shortest_line(original[nearest[narrowest]], blocked[narrowest])
+    )
+    line = shore_to_shore(original, np.array([shore, 2 * middle - shore]), room_m[narrowest])
+    width_m = 2 * float(room_m[narrowest]) if line is None else math.dist(*line)
     if width_m >= water.width_m:
         return OpenWater(land, water.narrowest, water.width_m)
-    x, y = shapely.get_coordinates(shapely.centroid(blocked[narrowest]))[0].tolist()
+    x, y = middle.tolist()
     return OpenWater(land, (x, y), width_m)
 
 

@@ -420,7 +420,6 @@ class CaseResult:
         may have a way.
     arrive_by_s : where speeds are chosen, the latest arrival that the planner was asked for, in
         seconds on the planner's clock.
-    class_names : names of homotopy classes in the failure.
     ensemble : if the current has members.
     replanned : if the vessel is under way.
     """
@@ -431,7 +430,6 @@ class CaseResult:
     seconds: float
     is_shut: bool = False
     arrive_by_s: float = math.inf
-    class_names: tuple[str, ...] = ()
     ensemble: EnsembleFigures | None = None
     replanned: ReplanFigures | None = None
     measures: Measures = Measures()

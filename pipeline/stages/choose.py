@@ -320,6 +320,8 @@ def _narrows(water: Water, path: FloatArray, offing: float) -> Note | None:
     )
 
 
+# Share by which fuels in one steady current differ only because a path is found again.
+_AS_GOOD = 1e-4
 # Number of plans between two progress notes.
 _PLANS_PER_NOTE = 5
 
@@ -405,6 +407,9 @@ def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> De
     ]
     if not np.isfinite(fuels).any():
         raise _too_late(found.arrivals.min(), by)
+    # Where only the hours of areas matter, many departures are as good: the earliest is taken.
+    enough = (1 + _AS_GOOD) * fuels.min() if case.current.is_steady else fuels.min()
+    best = int((fuels <= enough).argmax())
     return DepartureChoice(
         season=season.name,
         first=first,
@@ -413,7 +418,7 @@ def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> De
         durations_s=found.durations,
         homotopies=found.homotopies,
         reasons=tuple("" if cause is None else planner_text(cause.text, case) for cause in causes),
-        chosen_s=float(found.departures[fuels.argmin()]),
+        chosen_s=float(found.departures[best]),
         unproven_s=found.unproven,
         has_speeds=season.speed is not None,
     )

@@ -7,7 +7,6 @@ from pathlib import Path
 import renew
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.findings.text import seasons_text
-from pipeline.findings.way_names import class_names_text
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Case, CaseResult, Measures, SimplifiedLand
 from pipeline.scenario.model import PlannerOptions
@@ -145,8 +144,6 @@ def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -
         return StageError("; ".join(reasons))
     if chosen.scenario.under_way is not None:  # at sea it is an answer, not a wrong request
         return StageError(f"no way from here: {'; '.join(reasons)}")
-    names = [name for result in results for name in result.class_names]
-    reasons += class_names_text(names, chosen.cases.value[0].water)
     return (NoWayError if any(one.is_shut for one in results) else RequestError)(reasons)
 
 

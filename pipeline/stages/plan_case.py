@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import renew
-from pipeline.findings.text import number, planner_text, season_text
+from pipeline.findings.text import number, planner_text
 from pipeline.model import (
     Case,
     CaseResult,
@@ -20,7 +20,7 @@ from pipeline.model.case import MIN_LATENESS_S, largest_stretch, planned_in_time
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
-from renew.errors import ClassName, Duration, Text, TooLateError
+from renew.errors import Duration, Length, Text, TooLateError
 from renew.request import Request
 from renew.results import Step, watched
 
@@ -101,26 +101,56 @@ def planned(
     return CaseResult(case.name, None, failure, result.seconds) if failure else result
 
 
+# What begins the list of remedies in an error that names the reasons of all classes.
+_REMEDIES = "To find a route"
+
+
 def _failed(
     case: Case, error: renew.PlanningError, options: renew.PlanOptions, seconds: float
 ) -> CaseResult:
     """Return the result of a case without a plan."""
-    stretch = 1.0 if case.speeds is None else largest_stretch(case)
-    failure = planner_text(error.text, case, stretch)
-    causes = error.causes if isinstance(error, renew.UnreachableError) else ()
-    are_late = [isinstance(cause, TooLateError) for cause in causes]
-    if any(are_late):
-        failure += (
-            f"; {season_text(case.name)}: its currents end too early: give currents that reach "
-            "further, raise its max_hours if they do, or depart earlier"
-        )
-    if causes and not all(are_late):
-        failure += "; these are keys of [planner]; renew go has the option --clearance"
-    is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
-        case, error.straits, _smallest_padding(error, case, options)
+    # In a wider region ways are longer, so a vessel that comes too late comes later still.
+    is_shut = (
+        isinstance(error, renew.UnreachableError)
+        and not any(isinstance(cause, TooLateError) for cause in error.causes)
+        and not is_shut_in(case, error.straits, _smallest_padding(error, case, options))
     )
-    names = tuple(value.name for value in error.text.values_of(ClassName))
-    return CaseResult(case.name, None, failure, seconds, is_shut, class_names=names)
+    return CaseResult(case.name, None, _reason(error, case), seconds, is_shut)
+
+
+def _reason(error: renew.PlanningError, case: Case) -> str:
+    """Return the reason why there is no plan: of those of many classes one, with one remedy."""
+    spelled = partial(
+        planner_text, case=case, stretch=1.0 if case.speeds is None else largest_stretch(case)
+    )
+    causes = error.causes if isinstance(error, renew.UnreachableError) else ()
+    if not isinstance(error, renew.UnreachableError) or not (
+        causes and _REMEDIES in error.text.template
+    ):
+        return spelled(error.text)
+    if late := next((one for one in causes if isinstance(one, TooLateError)), None):
+        return (
+            f"every way takes too long: {spelled(late.text)}. Its currents end too early: give "
+            "currents that reach further, raise its max_hours if they do, or depart earlier"
+        )
+    why = causes[0].text
+    if error.straits:
+        gap = min(error.straits, key=lambda one: one.padding_left + one.padding_right - one.width)
+        needed = Length(gap.padding_left + gap.padding_right)
+        why = Text(
+            "the gap at {0} is {1} wide, and padding and clearance take {2}",
+            (gap.gap.mean(axis=0), Length(gap.width), needed),
+        )
+    # The planner's text ends with what it tried.
+    tried = error.text.values[-1]
+    remedies = tried.values if isinstance(tried, Text) else ()
+    found = (str(one).partition(" would leave one") for one in remedies)
+    would = next((what for what, leaves, _ in found if leaves), "")
+    would += " and clearance = 0" * would.startswith("padding = ")
+    remedy = "no other padding or risk leaves one"
+    if would:
+        remedy = f"in a scenario, {would} under [planner] would leave one"
+    return f"no way has room: {spelled(why)}; {remedy}"
 
 
 def _smallest_padding(

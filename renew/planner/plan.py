@@ -21,7 +21,15 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
-from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
+from renew.errors import (
+    GoalInNoGoError,
+    InfeasibleError,
+    PlanningError,
+    StartInNoGoError,
+    Text,
+    UnreachableError,
+    from_until,
+)
 from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.openings import Opening, polygons_of
 from renew.planner.classes import no_class_error, plan_classes
@@ -211,7 +219,11 @@ def unavoidable(
     """
     # Many areas of a chart share a name and a needed height of tide.
     texts = {str(text): text for text in (area.text(departure) for area in closed)}
-    around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
+    # Of the reasons of many classes one is enough; an end inside an area is told with the area.
+    causes = failure.causes if isinstance(failure, UnreachableError) else ()
+    around = Text("")
+    if failure is not None and not isinstance(failure, (StartInNoGoError, GoalInNoGoError)):
+        around = Text("; around them: {0}", ((causes[0] if causes else failure).text,))
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
         "the area be entered",

@@ -259,35 +259,13 @@ class SafeCorridor:
         inside = shapely.point_on_surface(np.array(holes, dtype=object))
         return np.asarray(shapely.get_coordinates(inside))
 
-    @cached_property
-    def _blocked_edges(self) -> shapely.STRtree:
-        """Tree of the edges of `blocked`."""
-        return shapely.STRtree(shapely.linestrings(edges_of([self.blocked])))
-
     def clearance(self, geometries: Geometries) -> FloatArray:
         """Return distance (n,) of points or lines from V and land, capped at `wanted_clearance`."""
         clearance = np.full(len(geometries), self.wanted_clearance)
-        # Most lines are far from V and land. The box of a long line contains thousands of edges, so
-        # the line's segments are searched one by one.
-        near = np.flatnonzero(shapely.dwithin(self.blocked, geometries, self.wanted_clearance))
-        pieces, owner = _pieces(geometries[near])
-        (index, _), apart = self._blocked_edges.query_nearest(
-            pieces, max_distance=self.wanted_clearance, all_matches=False, return_distance=True
-        )
-        np.minimum.at(clearance, near[owner[index]], apart)
+        # Most lines are far from V and land, which is known sooner than how far.
+        near = shapely.dwithin(self.blocked, geometries, self.wanted_clearance)
+        clearance[near] = shapely.distance(self.blocked, geometries[near])
         return clearance
-
-
-def _pieces(
-    geometries: Geometries,
-) -> tuple[Geometries, IntArray]:
-    """Return the segments of lines (n,) or the points themselves, and the index of each in (n,)."""
-    points, owner = shapely.get_coordinates(geometries, return_index=True)
-    inside = owner[:-1] == owner[1:]
-    if not inside.any():
-        return geometries, owner
-    ends = np.stack([points[:-1][inside], points[1:][inside]], axis=1)
-    return np.asarray(shapely.linestrings(ends)), owner[:-1][inside]
 
 
 def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) -> SafeCorridor:

@@ -14,7 +14,7 @@ import shapely
 from hypothesis import given, strategies as st
 
 import renew
-from pipeline.findings.way_names import class_names_text, islands, way_names
+from pipeline.findings.way_names import islands, way_names
 from pipeline.geo.projection import Projection
 from pipeline.model import Case, CaseResult, Measures, PlaceName, RouteMetrics, Water
 from pipeline.model.result import NumberedIsland
@@ -223,16 +223,3 @@ def test_without_an_island_beside_it_a_way_has_no_name() -> None:
     found = named(scene, planned(scene, classes=1))
     assert [row.way for row in found.routes] == [""]
     assert found.islands == ()
-
-
-def test_names_of_classes_in_a_refusal_are_explained_by_places() -> None:
-    small, large = shapely.box(-250, -50, -150, 50), shapely.box(100, -100, 300, 100)
-    scene = voyage([small, large], (-400, 0), (400, 0))
-    (found,) = class_names_text(["s2.p1", "e", "p1"], scene.water)
-    assert re.findall(r"([ps]\d) leaves the island at .*? to (\w+)", found) == [
-        ("s2", "starboard"),
-        ("p1", "port"),
-    ]
-    assert found.endswith("e stands for none of the letters")
-    assert found.index("0.0018 W") < found.index("0.0018 E")
-    assert list(class_names_text([], scene.water)) == []

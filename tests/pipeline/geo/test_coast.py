@@ -194,7 +194,7 @@ def test_the_widest_strait_is_opened_where_the_margin_shuts_all(width: float) ->
     free = opened(grown, wall, EXTENT, endpoints, 400.0)
     assert parted(free.land, EXTENT, endpoints[None]) == set()
     assert shapely.union_all(wall).difference(shapely.union_all(free.land)).area < 1e-3
-    assert free.width_m == pytest.approx(width, rel=0.02)
+    assert free.width_m == pytest.approx(width, rel=1e-6)
     assert free.narrowest is not None
     x, y = free.narrowest
     # Anywhere in the strait, or in its mouth.

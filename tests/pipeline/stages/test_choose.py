@@ -426,7 +426,7 @@ def test_what_the_room_is_for_is_told_by_what_turns_need() -> None:
 
 def test_a_clearance_that_is_given_is_never_reduced() -> None:
     scene, options = case_of(a_wall(60.0)), PlannerOptions(clearance=40.0, classes=1)
-    assert "gap is" in planned(scene, options).failure
+    assert "the gap at" in planned(scene, options).failure
     scenario = parse_scenario(scenario_text(clearance=40.0))
     assert with_offing(scenario, scene, 60.0) is scenario.planner
 

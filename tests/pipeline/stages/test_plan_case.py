@@ -86,11 +86,11 @@ def test_places_in_reasons_are_given_as_a_scenario_gives_them() -> None:
     scenario = parse_scenario(asked | {"planner": {"padding": 8.0}})
     case = case_of(scenario)
     in_plane = plan_case(case, scenario.planner).failure
-    assert "blocked at (50, 45) m" in in_plane
+    assert "the gap at (50, 45) m is 6.00 m wide" in in_plane
     projection = Projection.at(118.5, 9.75)
     water = replace(case.water, is_planar=False, projection=projection)
     in_degrees = plan_case(replace(case, water=water), scenario.planner).failure
-    found = re.search(r"blocked at ([\d.]+) E ([\d.]+) N", in_degrees)
+    found = re.search(r"the gap at ([\d.]+) E ([\d.]+) N", in_degrees)
     assert found is not None
     assert np.allclose(projection.to_plane(list(map(float, found.groups()))), [50, 45], atol=6)
     assert "triangle" not in in_plane + in_degrees
@@ -113,12 +113,25 @@ def test_a_wider_region_cannot_help_out_of_a_harbour_whose_mouths_padding_shuts(
 ) -> None:
     case, options = harbour(*mouths), PlannerOptions(padding=4.0)
     out = plan_case(case, options)
-    assert "gap is" in out.failure
+    assert "the gap at" in out.failure
     assert not out.is_shut
     back = plan_case(replace(case, start=case.goal, goal=case.start), options)
-    assert "gap is" in back.failure
+    assert "the gap at" in back.failure
     assert not back.is_shut
     assert plan_case(case, PlannerOptions(padding=1.0)).plan is not None
+
+
+def test_a_refusal_has_one_reason_and_a_remedy_that_helps() -> None:
+    case, options = harbour((18, 23), (34, 40)), PlannerOptions(padding=4.0)
+    failure = plan_case(case, options).failure
+    assert len(failure) <= 300
+    assert failure.count("the gap at") == 1
+    assert not re.search(r"class|\b[ps]\d+\b", failure)
+    # The wider of the two mouths is named, and the padding that is told leaves a route through it.
+    found = re.search(r"at \((.*), .*\) m is 6.00 m wide.*padding = ([\d.]+)", failure)
+    assert found is not None
+    assert 34 <= float(found[1]) <= 40
+    assert plan_case(case, PlannerOptions(padding=float(found[2]), clearance=0.0)).plan is not None
 
 
 def test_a_wider_region_can_help_round_walls_that_end_at_the_edge() -> None:
@@ -126,7 +139,7 @@ def test_a_wider_region_can_help_round_walls_that_end_at_the_edge() -> None:
     plane = {"extent": [0, 0, 100, 100], "obstacles": walls}
     scenario = parse_scenario(SCENARIO | {"start": [50, 10], "goal": [50, 90], "plane": plane})
     season = plan_case(case_of(scenario), PlannerOptions(padding=8.0))
-    assert "gap is" in season.failure
+    assert "the gap at" in season.failure
     assert season.is_shut
 
 

@@ -249,7 +249,7 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
     mouth = shapely.box(START[0] - 1e-3, START[1], START[0] + 1e-3, START[1] + 0.05)
     file = tmp_path / "harbour.geojson"
     file.write_text(shapely.to_geojson(ring.difference(mouth)))
-    with pytest.raises(RequestError, match="gap is") as refused:
+    with pytest.raises(RequestError, match="the gap at") as refused:
         voyage(file, outputs, "still", name="harbour", clearance_m=150.0)
     assert not isinstance(refused.value, NoWayError)
     assert not (outputs / "harbour").exists()
