@@ -596,18 +596,20 @@ def filled_in_time(field: Field, times_s: Sequence[float]) -> tuple[Field, tuple
     Each value that is filled is at most three hours or one step from one that is there. A node with
     a longer gap becomes a gap at all times.
     """
-    import pandas as pd
+    import xarray as xr
 
     gap = field.gap
     changing = gap.any(axis=0) & ~gap.all(axis=0)
     if not changing.any():
         return field, ()
     step_s = float(np.median(np.diff(times_s)))
-    most = max(1, int(_FILLED_S // step_s))
+    most, nodes = max(1, int(_FILLED_S // step_s)), np.flatnonzero(changing)
     parts = []
     for part in (field.u, field.v):
-        series = pd.DataFrame(part[:, changing], index=np.asarray(times_s))
-        parts.append(series.interpolate("index", limit=most, limit_direction="both").to_numpy())
+        series = xr.DataArray(part[:, changing], [("time", list(times_s)), ("node", nodes)])
+        # pandas' interpolation, as xarray's own can't be limited to some steps.
+        filled = series.to_pandas().interpolate("index", limit=most, limit_direction="both")
+        parts.append(filled.to_numpy())
     lost = np.isnan(parts[0] + parts[1]).any(axis=0)
     u, v = field.u.copy(), field.v.copy()
     u[:, changing], v[:, changing] = (np.where(lost, np.nan, part) for part in parts)
