@@ -28,7 +28,7 @@ ROOMS = {
     "pipeline/serve": (1_484, 9),
     "pipeline/sources": (9_560, 42),
     "pipeline/stages": (4_825, 14),
-    "pipeline/voyage": (2_351, 9),
+    "pipeline/voyage": (2_352, 9),
     "renew/bounds": (1_586, 8),
     "renew/classes": (2_396, 14),
     "renew/inputs": (2_055, 23),
