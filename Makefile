@@ -12,15 +12,15 @@ COMPLETE := $(VENV)/.complete
 BESIDES := What tests and documents need besides
 SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 
-# A Python that fits: PYTHON=... where it is given, else the first of the usual names that runs, is 3.11 to 3.13 and can
+# A Python that fits: PYTHON=... where it is given, else the first of the usual names that runs, is 3.11 to 3.14 and can
 # make an environment. The probe prints its real path, so that an active .venv is never made from itself.
-PYTHON ?= python3.11 python3.12 python3.13 python3
-PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
+PYTHON ?= python3.11 python3.12 python3.13 python3.14 python3
+PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 15) or sys.exit(1); print(os.path.realpath(sys.executable))
 
 # What set-up has not compiled is, once, where it is first imported.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup test lint types pytest compiled format test-slow test-new-examples test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock qgis-plugin wheel clean nightly experiments experiments-quick $(SCENARIOS)
+.PHONY: help setup test lint types pytest compiled format test-slow test-new-examples test-no-compiler bench pictures figures reference docs notebooks lock qgis-plugin wheel clean nightly experiments experiments-quick $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -41,7 +41,7 @@ PIP_OPTIONS := --quiet --disable-pip-version-check --no-input --no-compile
 $(READY): pyproject.toml requirements.lock
 	@for name in $(PYTHON); do python=$$("$$name" -c '$(PROBE)' 2>/dev/null) && break; done; \
 	if [ -z "$$python" ]; then \
-	  echo "make setup: found no Python 3.11, 3.12 or 3.13 with venv as $(PYTHON); install one, or name it: make setup PYTHON=/path/to/python3.11" >&2; \
+	  echo "make setup: found no Python 3.11 to 3.14 with venv as $(PYTHON); install one, or name it: make setup PYTHON=/path/to/python3.11" >&2; \
 	  exit 2; fi; \
 	set -e; echo "Setting up $(VENV) with $$python"; rm -rf $(VENV); \
 	if uv=$$(command -v uv); then "$$uv" venv --quiet --python "$$python" $(VENV); \
@@ -103,10 +103,6 @@ test-no-compiler: $(COMPLETE)  ## the kernels' and the planner's quick tests, in
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n $(PROCESSES) --dist worksteal $(NO_COMPILER) \
 	  -k 'not pickling and not print_and_compare and not same_seed and not same_classes'
 
-# tests/no_triangle/sitecustomize.py hides the package from this Python and from those that it starts.
-test-no-triangle: $(COMPLETE) compiled  ## the planner's tests as where the extra `triangle` is not installed
-	PYTHONPATH=$(CURDIR)/tests/no_triangle $(BIN)/python -m pytest -q -n $(PROCESSES) tests/renew
-
 format: $(COMPLETE)  ## let ruff mend what it can
 	$(BIN)/ruff check --fix --exit-zero
 	$(BIN)/ruff format
@@ -158,10 +154,10 @@ wheel: $(COMPLETE)  ## build dist/*.whl
 # Versions alike for all Pythons; FORKS=requires-python takes the newest for each.
 FORKS := fewest
 RESOLVE = uv pip compile --quiet --no-config --universal --fork-strategy $(FORKS) --generate-hashes --python-version 3.11 \
-  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --extra triangle --extra tides --extra web
+  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' --extra tides --extra web
 lock:  ## resolve requirements.lock anew (needs uv)
 	mkdir -p build
-	$(RESOLVE) --group dev --group docs --extra grib $(UPGRADE) --output-file requirements.lock pyproject.toml
+	$(RESOLVE) --group dev --group docs --extra grib --extra triangle $(UPGRADE) --output-file requirements.lock pyproject.toml
 	$(RESOLVE) --group install --constraint requirements.lock --output-file build/plans.lock pyproject.toml
 	awk 'FNR < NR && FNR == 1 {print "\n# $(BESIDES)"} /^[^ #]/ {known = FNR < NR && $$0 in first; first[$$0]} FNR == NR || /^[^#]/ && !known' \
 	  build/plans.lock requirements.lock > build/requirements.lock

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution, version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -102,7 +101,7 @@ def check_libraries() -> Finding:
     except PackageNotFoundError:
         return Finding("warning", what, f"{_DISTRIBUTION} is not installed", "run `pip install .`")
     system = f"{platform.system()} {platform.machine()}"
-    there, wrong = [f"Python {platform.python_version()} on {system}", _triangulator()], []
+    there, wrong = [f"Python {platform.python_version()} on {system}"], []
     for requirement in requirements:
         if requirement.marker is not None and not requirement.marker.evaluate():
             continue
@@ -117,17 +116,6 @@ def check_libraries() -> Finding:
     if wrong:
         return Finding("fault", what, "; ".join(wrong), "install the versions in requirements.lock")
     return Finding("ok", what, ", ".join(there))
-
-
-def _triangulator() -> str:
-    """Name the library that triangulates: Triangle if it is installed, else GEOS."""
-    import shapely
-
-    if find_spec("triangle") is None:
-        return f"triangulator GEOS {shapely.geos_version_string}"
-    import triangle  # noqa: F401 - only to check that it can be loaded
-
-    return f"triangulator Triangle {version('triangle')}"
 
 
 def check_compiler_cache() -> Finding:

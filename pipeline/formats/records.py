@@ -47,7 +47,7 @@ from renew.kernels.current_table import CurrentTable
 _PACKAGES = (
     *("renew-planner", "contourpy", "copernicusmarine", "dask", "geopandas", "gpxpy", "jinja2"),
     *("lxml", "matplotlib", "netCDF4", "numba", "numpy", "pydantic", "pyogrio"),
-    *("pyproj", "roaring-landmask", "scipy", "shapely", "triangle", "xarray"),
+    *("pyproj", "roaring-landmask", "scipy", "shapely", "xarray"),
 )
 
 

@@ -45,7 +45,6 @@ _LIBRARIES = (
     "shapely",
     "pyproj",
     "networkx",
-    "triangle",
     "numba",
 )
 _MAGIC = b"RENEW artefact 1\n"

@@ -1,10 +1,10 @@
 """Constrained Delaunay triangulation of the water.
 
 Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
-dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle makes the
-triangulation if it is installed, else GEOS does, through shapely. Triangle is an extra, because its
-licence bars commercial distribution. Where no four vertices lie on one circle the constrained
-Delaunay triangulation is unique, and both give the same triangles, in another order.
+dual graph is exactly one homotopy class (RENEW, AAAI 2026). GEOS makes the triangulation, through
+shapely, or Shewchuk's Triangle if it is asked for: an extra, because its licence bars commercial
+distribution. Where no four vertices lie on one circle the constrained Delaunay triangulation is
+unique, and both give the same triangles, in another order.
 
 Water can be closed as if it were land, such as water whose current is as strong as the vessel.
 """
@@ -28,7 +28,7 @@ from renew.voyage.voyage import Voyage
 # A point outside all triangles by at most this share of the chart's size lies on the water's edge.
 _ON_EDGE = 1e-7
 
-Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
+Backend: TypeAlias = Literal["shapely", "triangle"]
 # Tolerance, as a share of a cell, by which the outline of overpowered water is simplified.
 _TOLERANCE = 0.1
 # Greatest threshold from which a current in a table counts as overpowering, as a share of the
@@ -133,12 +133,11 @@ def triangulation_of(chart: Chart) -> Triangulation:
 
 
 def triangulate(
-    chart: Chart, backend: Backend = "auto", closed: shapely.Geometry | None = None
+    chart: Chart, backend: Backend = "shapely", closed: shapely.Geometry | None = None
 ) -> Triangulation:
     """Triangulate the chart's water, constrained to its edges, without Steiner points.
 
-    "auto" takes Triangle where it is installed, and shapely where it is not. `closed` is water
-    that is left out as if it were land; its edges are no hazard.
+    `closed` is water that is left out as if it were land; its edges are no hazard.
 
     Raises
     ------
@@ -149,10 +148,7 @@ def triangulate(
     """
     if backend not in get_args(Backend):
         raise ParameterError(f"backend = {backend!r} is not one of {', '.join(get_args(Backend))}")
-    installed = find_spec("triangle") is not None
-    if backend == "auto":
-        backend = "triangle" if installed else "shapely"
-    elif backend == "triangle" and not installed:
+    if backend == "triangle" and find_spec("triangle") is None:
         raise ParameterError(
             "backend = 'triangle' needs the package triangle, which is not installed; "
             "pip install triangle, or choose 'shapely'"

@@ -87,7 +87,7 @@ def test_on_its_plan_the_vessel_sails_on_as_planned(voyage: Path, best: renew.Ro
     found, (ahead, *_) = answer(result), result.routes
     share = (best.times[-1] - best.times[at]) / (best.times[-1] - best.times[0])
     assert found.answer == "kept"
-    assert ahead.route.fuel == pytest.approx(best.fuel * share, rel=1e-6)
+    assert ahead.route.fuel == pytest.approx(best.fuel * share, rel=1e-5)
     assert np.allclose(ahead.route.path[1:], best.path[at + 1 :], atol=1e-6)
     assert ahead.metrics.collisions == 0
     assert found.off_m < 0.1
