@@ -21,6 +21,7 @@ from pipeline.model import CaseResult, Fetched, Note, Say, SimplifiedLand
 from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.session import session
+from pipeline.stages.canals import canal_notes
 from pipeline.stages.choose import Chosen, choose
 from pipeline.stages.compare import bounds_of_sides, compare
 from pipeline.stages.cover import cover, havens_in
@@ -286,10 +287,11 @@ class _Stages:
             try:
                 made = self._in_region(region.complete(asked), region.notes)
                 break
-            except NoWayError:
+            except NoWayError as error:
                 opened = opened_region(region) if openings < MAX_WIDENINGS else None
                 if opened is None:
-                    raise
+                    canals = note_texts(canal_notes(asked.start, asked.goal, None))
+                    raise NoWayError([*error.faults, *canals]) from error
                 region = opened
         for _ in range(MAX_WIDENINGS):
             wider = None

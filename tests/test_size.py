@@ -16,18 +16,18 @@ from tests.conftest import ROOT
 # Room -> largest number of lines, and of types.
 ROOMS = {
     "renew": (1_430, 27),
-    "pipeline": (1_118, 12),
+    "pipeline": (1_120, 12),
     "pipeline/cli": (2_616, 6),
-    "pipeline/findings": (3_518, 17),
+    "pipeline/findings": (3_521, 17),
     "pipeline/formats": (7_822, 15),
     "pipeline/geo": (850, 4),
     "pipeline/machine": (1_628, 10),
     "pipeline/model": (1_466, 34),
     "pipeline/nightly": (3_619, 28),
-    "pipeline/scenario": (2_558, 36),
+    "pipeline/scenario": (2_563, 36),
     "pipeline/serve": (1_484, 9),
     "pipeline/sources": (9_501, 42),
-    "pipeline/stages": (4_698, 13),
+    "pipeline/stages": (4_825, 14),
     "pipeline/voyage": (2_350, 9),
     "renew/bounds": (1_586, 8),
     "renew/classes": (2_396, 14),
@@ -41,7 +41,7 @@ ROOMS = {
     "renew/vary": (1_817, 9),
     "renew/voyage": (750, 5),
 }
-MOST_FILES = 216
+MOST_FILES = 217
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (56, 526)}
 

@@ -355,6 +355,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
     "area-shut": _area_shut,
+    "canal-left-out": "the {canal} joins start and goal, and no route leads through it: canals are "
+    "land in this chart, or too narrow to turn in. Between its ends at {begin} and {end} the way "
+    "through it has about {way_m:distance}",
     "classes-shut-for-hours": "no route was found where the current shuts water on the way for a "
     "while: {ways:; /3/, and of # more}. At another departure the water may be open",
     "crossing": _crossing,

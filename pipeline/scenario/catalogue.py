@@ -224,6 +224,11 @@ def islands() -> Path:
     return root() / "islands.csv"
 
 
+def canals() -> Path:
+    """Return the path of the table of canals between seas."""
+    return root() / "canals.csv"
+
+
 def stations() -> dict[str, Path]:
     """Return the files of the stations of the tide, by name."""
     return {path.stem: path for path in sorted((root() / "tides").glob("*.json"))}
