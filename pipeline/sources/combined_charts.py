@@ -3,9 +3,11 @@
 An area that any of several charts forbids is no-go. With depths, water too shallow for the vessel
 is no-go as well: the grid's cells that are too shallow, and one cell around them, as polygons.
 
-A file of depths follows the CF conventions, as those of GEBCO and EMODnet do. The variable is found
-by its standard name, else by its name. GEBCO's `elevation` is positive up, in metres, and so is
-EMODnet's; a depth is positive down, unless its attribute `positive` says otherwise.
+A file of depths follows the CF conventions, as those of GEBCO and EMODnet do, or is S-102. The
+variable is found by its standard name, else by its name. GEBCO's `elevation` is positive up, in
+metres, and so is EMODnet's; a depth is positive down, unless its attribute `positive` says
+otherwise. Of points on curved lines, as those of S-102 in UTM, the highest around each node of a
+table counts.
 """
 
 import contextlib
@@ -29,11 +31,14 @@ from pipeline.machine.paths import require_readable, shown
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone
 from pipeline.model.inputs import DepthRule, LandSource, TidalWater
-from pipeline.sources.cf.axes import axis_role, coordinate_axis, grid_fault
+from pipeline.sources.cf import grids
+from pipeline.sources.cf.axes import grid_fault
 from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset, reading
 from pipeline.sources.cf.fields import find_window, read_window
+from pipeline.sources.cf.mesh import SourceMesh
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
+from pipeline.sources.land.s57 import DATUMS
 from pipeline.sources.land.shapes import box_around, extract_polygons, repaired
 
 if TYPE_CHECKING:
@@ -55,13 +60,14 @@ _ALTITUDES = {"altitude", "surface_altitude", "sea_floor_altitude"}
 _ELLIPSOID = "height_above_reference_ellipsoid"
 # GEBCO's heights have that standard name, but are above sea level: their long name says so.
 _AT_SEA_LEVEL = "sea level"
-# Names of variables without such a standard name, and the sign by which they become heights.
-_NAMES = {"elevation": 1.0, "depth": -1.0}
+# Names of variables without such a standard name, and the sign by which they become heights: of
+# those of ROMS, GMT and GDAL the attribute `positive` must tell it.
+_NAMES = {"elevation": 1.0, "depth": -1.0, "h": None, "z": None, "band1": None}
 _SIGNS = {"up": 1.0, "down": -1.0}
 _METRES = {"m", "meter", "meters", "metre", "metres"}
 _REMEDY = (
-    "give a GEBCO or EMODnet grid in NetCDF, with 'elevation' in m, positive up, or a depth by its "
-    "CF standard name"
+    "give a GEBCO, EMODnet or ETOPO grid in NetCDF, or S-102, with 'elevation' in m, positive up, "
+    "or a depth by its CF standard name"
 )
 # Largest number of cells in a region and around it: some 300 MB while they are read.
 _MAX_CELLS = 20_000_000
@@ -86,7 +92,10 @@ class Heights:
 
 @dataclass(frozen=True)
 class DepthFile:
-    """A file's variable: its name, dimensions and axes, and the sign that makes it a height."""
+    """A file's variable: its name, dimensions and axes, and the sign that makes it a height.
+
+    On a `mesh` there are no axes.
+    """
 
     path: Path
     variable: str
@@ -96,6 +105,8 @@ class DepthFile:
     sign: float
     title: str
     licence: str
+    mesh: SourceMesh | None = None
+    datum: str = ""
 
     @property
     def name(self) -> str:
@@ -126,6 +137,8 @@ class DepthFile:
         RequestError
             The file is damaged, or has too many cells there.
         """
+        if self.mesh is not None:
+            return self._highest(self.mesh, bounds)
         window = find_window(self.lon, self.lat, bounds)
         if min(window.lon.size, window.lat.size) < 2:
             return None
@@ -141,6 +154,22 @@ class DepthFile:
                 variable = dataset.variables[self.variable]
                 height_m = self.sign * read_window(variable, self.dims, window).reshape(shape)
         return Heights(window.lon, window.lat, np.where(np.isfinite(height_m), height_m, np.nan))
+
+    def _highest(self, mesh: SourceMesh, bounds: Bounds) -> Heights | None:
+        """Return the heights of a mesh on axes: at each node the highest around, for safety."""
+        lon, lat, _, _ = mesh.axes(bounds)
+        window = find_window(lon, lat, bounds) if min(lon.size, lat.size) > 1 else None
+        if window is None or min(window.lon.size, window.lat.size) < 2:
+            return None
+
+        def read(part: tuple[slice, ...]) -> FloatArray:
+            own = dataset.variables[self.variable]
+            places = dict.fromkeys(own.dims, 0) | dict(zip(mesh.dims, part, strict=True))
+            values = own.isel(places).transpose(*mesh.dims).values
+            return self.sign * np.asarray(values, dtype=float)
+
+        with _refused(self.path), open_dataset(self.path) as dataset, reading():
+            return Heights(window.lon, window.lat, mesh.highest(window.lon, window.lat, read))
 
 
 @contextlib.contextmanager
@@ -164,45 +193,62 @@ def _described(path: Path, dataset: "xr.Dataset") -> DepthFile:
             if units
             else f"{name} has no unit; set its attribute 'units' to m, if that is what it is in"
         )
-    roles = {axis_role(dataset, str(dim)): str(dim) for dim in array.dims if array.sizes[dim] > 1}
-    if set(roles) != {"lat", "lon"}:
+    array = array.isel({dim: 0 for dim, size in array.sizes.items() if size == 1})
+    about = grids.coordinates(dataset, array)
+    lat_dim, lon_dim, lat, lon, mesh = grids.grid_of(dataset, array, about)
+    if set(array.dims) != set(mesh.dims if mesh else (lat_dim, lon_dim)):
         raise ValueError(grid_fault(array))
     attributes = {key.lower(): value for key, value in dataset.attrs.items()}
     return DepthFile(
         path=path,
         variable=name,
-        dims=(roles["lat"], roles["lon"]),
-        lon=coordinate_axis(dataset, roles["lon"], period=360.0),
-        lat=coordinate_axis(dataset, roles["lat"]),
+        dims=(lat_dim, lon_dim),
+        lon=lon,
+        lat=lat,
         sign=sign,
         title=attributes.get("title", ""),
         licence=attributes.get("license") or attributes.get("licence") or "",
+        mesh=mesh,
+        datum=DATUMS.get(attributes.get("verticaldatum", ""), ""),
     )
 
 
 def _variable(dataset: "xr.Dataset") -> tuple[str, float]:
     """Return the name of the variable, and the sign by which it becomes a height."""
-    grids = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
+    there = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
     signs = {
-        name: sign for name, array in grids.items() if (sign := _standard_sign(array)) is not None
+        name: sign for name, array in there.items() if (sign := _standard_sign(array)) is not None
+    } or {
+        name: _named_sign(name, array)
+        for name, array in there.items()
+        if name.lower() in _NAMES and array.attrs.get("standard_name") != _ELLIPSOID
     }
-    if not signs:
-        signs = {
-            name: _SIGNS.get(array.attrs.get("positive", ""), _NAMES[name.lower()])
-            for name, array in grids.items()
-            if name.lower() in _NAMES and array.attrs.get("standard_name") != _ELLIPSOID
-        }
     named = {name: sign for name, sign in signs.items() if name.lower() in _NAMES}
     for candidates in (signs, named):
         if len(candidates) == 1:
             return next(iter(candidates.items()))
     listed = ", ".join(
         f"{name} ({array.attrs.get('standard_name') or 'no standard name'})"
-        for name, array in sorted(grids.items())
+        for name, array in sorted(there.items())
     )
     if signs:
         raise ValueError(f"it has several grids of depths ({listed}); keep one of them")
     raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}")
+
+
+def _named_sign(name: str, array: "xr.DataArray") -> float:
+    """Return the sign of a variable by its usual name; ValueError where nothing says it."""
+    said = " ".join((name, array.attrs.get("long_name", ""))).lower()
+    sign = _SIGNS.get(array.attrs.get("positive", ""), _NAMES[name.lower()])
+    if sign is None and said.startswith("h bathymetry"):  # ROMS, CROCO
+        sign = _SIGNS["down"]
+    if sign is None:
+        unit = "" if array.attrs.get("units") else f" -a units,{name},o,c,m"
+        raise ValueError(
+            f"{name} does not say whether it counts up, as heights, or down, as depths; say it, as "
+            f"with `ncatted -a positive,{name},o,c,up{unit}` for heights in m"
+        )
+    return sign
 
 
 def _standard_sign(array: "xr.DataArray") -> float | None:

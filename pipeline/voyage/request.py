@@ -273,9 +273,10 @@ class VoyageRequest:
         Path | None,
         _water(
             kind="file",
-            read=readable("give a GEBCO or EMODnet grid in NetCDF"),
+            read=readable("give a grid of depths in NetCDF, as GEBCO's, or S-102"),
             label="Depths, a NetCDF grid",
-            help="A GEBCO or EMODnet grid (NetCDF): too shallow water is no-go; needs {draught}.",
+            help="A grid of depths, NetCDF as of GEBCO, EMODnet or a model, or S-102: too shallow "
+            "water is no-go; needs {draught}.",
         ),
     ] = None
     datum: Annotated[

@@ -59,9 +59,6 @@ _SYMBOLS = {
 _DEGREES = {"degree": 1.0, "degrees": 1.0, "deg": 1.0, "arc-degrees": 1.0, "degree_true": 1.0}
 _DEGREES |= {"degrees_true": 1.0, "degreetrue": 1.0, "degreestrue": 1.0, "": 1.0}
 _DEGREES |= dict.fromkeys(("rad", "radian", "radians"), 180.0 / np.pi)
-# Dimensions of levels without a coordinate, and the place of the surface: SCHISM counts from the
-# bottom, FVCOM from the surface.
-_SURFACE = {"nschism_vgrid_layers": -1, "nvrt": -1, "siglay": 0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +128,7 @@ def read_component(
         roles[along] = "time"
         about[along] = {"time": along}
     by_role = {role: dim for dim, role in roles.items() if role}
-    lat, lon, lats_deg, lons_deg, mesh = _grid(dataset, array, about, by_role)
+    lat, lon, lats_deg, lons_deg, mesh = grids.grid_of(dataset, array, about)
     on_grid = mesh.dims if mesh else (lat, lon)
     fixed: dict[str, int] = {}
     # A level, or the time, may also be a variable without a dimension.
@@ -168,32 +165,6 @@ def read_component(
     )
 
 
-def _grid(
-    dataset: "xr.Dataset",
-    array: "xr.DataArray",
-    about: Mapping[str, Mapping[str, str]],
-    by_role: Mapping[str, str],
-) -> tuple[str, str, FloatArray, FloatArray, SourceMesh | None]:
-    """Return the dimensions and axes (lat, lon, lats, lons) of a variable, or the mesh it is on."""
-    mapping = dataset.variables.get(array.attrs.get("grid_mapping", ""))
-    is_turned = mapping is not None and "rotated" in mapping.attrs.get("grid_mapping_name", "")
-    if "lon" in by_role and "lat" in by_role and not is_turned:
-        lat, lon = by_role["lat"], by_role["lon"]
-        lons = axes.coordinate_axis(dataset, about[lon]["lon"], period=360.0)
-        return lat, lon, axes.coordinate_axis(dataset, about[lat]["lat"]), lons, None
-    mesh = grids.curved_lines(dataset, array)
-    if mesh is not None:
-        straight = grids.straight_axes(mesh)
-        return (*straight, None) if straight else ("", "", np.zeros(0), np.zeros(0), mesh)
-    of_mesh = array.attrs.get("mesh", "") in dataset.variables
-    for dim in map(str, reversed(array.dims)):
-        is_of_points = len(about[dim]) > 1 and {"lon", "lat"} <= about[dim].keys()
-        if is_of_points or (of_mesh and not about[dim] and dim not in _SURFACE):
-            found = grids.cells_of_mesh(dataset, array, dim)
-            return "", "", np.zeros(0), np.zeros(0), found
-    raise ValueError(axes.grid_fault(array, array.attrs["grid_mapping"] if is_turned else ""))
-
-
 def _place_along(
     array: "xr.DataArray", dim: str, index: tuple[str, int] | None
 ) -> tuple[int, list[Note]]:
@@ -202,8 +173,8 @@ def _place_along(
     at = index[1] if index is not None and index[0] == dim else 0
     if size == 1 or (index is not None and dim == index[0] and at < size):
         return at, []
-    if dim.lower() in _SURFACE:
-        at = _SURFACE[dim.lower()] % size
+    if dim.lower() in grids.SURFACE:
+        at = grids.SURFACE[dim.lower()] % size
         return at, [Note.of("level-by-name", level=dim, at=at)]
     raise ValueError(
         f"{array.name} has the dimension {dim} ({size}), which is neither time, depth, latitude "

@@ -46,13 +46,16 @@ _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 _MAX_AXIS = 500_000
 # Largest size of a chunk, bytes: one value of it can't be read without all of it.
 _MAX_CHUNK_BYTES = 512 << 20
-# Archives by the bytes they begin with: what they are, and the command that unpacks one.
-_ARCHIVES = {
-    b"\x1f\x8b": ("gzip", "gunzip -k"),
-    b"BZh": ("bzip2", "bunzip2 -k"),
-    b"PK\x03\x04": ("zip", "unzip"),
-    b"\xfd7zXZ": ("xz", "unxz -k"),
-    b"(\xb5/\xfd": ("zstd", "unzstd"),
+# Other files by the bytes they begin with: what they are, and the command that makes one that is
+# read.
+_TIFF = ("GeoTIFF", "gdal_translate -of netCDF {name} {stem}.nc")
+_OTHERS = {
+    b"\x1f\x8b": ("packed (gzip)", "gunzip -k {name}"),
+    b"BZh": ("packed (bzip2)", "bunzip2 -k {name}"),
+    b"PK\x03\x04": ("packed (zip)", "unzip {name}"),
+    b"\xfd7zXZ": ("packed (xz)", "unxz -k {name}"),
+    b"(\xb5/\xfd": ("packed (zstd)", "unzstd {name}"),
+    **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), _TIFF),
 }
 # Kinds of NumPy types that are numbers.
 _NUMBERS = "iuf"
@@ -150,10 +153,10 @@ def _converted(path: Path) -> "xr.Dataset | None":
 
 def _other_kind(path: Path) -> str:
     """Say what kind of file one is that is not read, with the remedy."""
-    for begin, (kind, command) in _ARCHIVES.items():
+    for begin, (kind, command) in _OTHERS.items():
         if _first_bytes(path).startswith(begin):
-            unpack = f"`{command} {shlex.quote(path.name)}`"
-            return f"it is packed ({kind}); unpack it, as with {unpack}, and give the file inside"
+            done = command.format(name=shlex.quote(path.name), stem=shlex.quote(path.stem))
+            return f"it is {kind}; give the file that `{done}` makes of it"
     return "it is neither NetCDF, Zarr, GRIB nor S-100; convert it to NetCDF"
 
 

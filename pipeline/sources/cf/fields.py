@@ -534,11 +534,9 @@ class FieldReader:
     def _as_stored(self, component: Component, steps: Sequence[int]) -> FloatArray:
         """Read steps of a file (nt, ...), in m/s or degrees, at its own points."""
         part = dict[str, slice | list[int]]()
-        order = np.argsort(steps)
-        ascending = [steps[i] for i in order]
         if component.time:
-            is_range = ascending[-1] - ascending[0] == len(steps) - 1
-            part[component.time] = slice(ascending[0], ascending[-1] + 1) if is_range else ascending
+            is_range = list(steps) == list(range(steps[0], steps[-1] + 1))
+            part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
         try:
             variable = self._dataset(component.file).variables[component.name]
             with reading():
@@ -550,7 +548,7 @@ class FieldReader:
         except ValueError as error:
             raise ValueError(f"{component.file.name}: {error}") from None
         spatial = values.shape[1:] if component.time else values.shape
-        return np.asarray(component.unit * values.reshape(-1, *spatial)[np.argsort(order)])
+        return np.asarray(component.unit * values.reshape(-1, *spatial))
 
     def _part_of(self, variable: "xr.Variable", mesh: SourceMesh) -> FloatArray:
         """Read the part of a variable on a mesh that the window needs."""
@@ -593,44 +591,31 @@ class FieldReader:
 
 
 def filled_in_time(field: Field, times_s: Sequence[float]) -> tuple[Field, tuple[Note, ...]]:
-    """Fill gaps that a field (nt, ny, nx) has at some times only, with a note.
+    """Fill gaps that a field (nt, ny, nx) has at some times only, linearly in time, with a note.
 
-    A value is linear between those before and after, or that of the one there is; both at most
-    three hours or one step away. A node with a longer gap becomes a gap at all times.
+    Each value that is filled is at most three hours or one step from one that is there. A node with
+    a longer gap becomes a gap at all times.
     """
+    import xarray as xr
+
     gap = field.gap
     changing = gap.any(axis=0) & ~gap.all(axis=0)
     if not changing.any():
         return field, ()
-    times = np.asarray(times_s)
-    most_s = max(_FILLED_S, float(np.median(np.diff(times))))
-    lacking = gap[:, changing]
-    steps, column = np.arange(times.size)[:, None], np.arange(lacking.shape[1])
-    before = np.maximum.accumulate(np.where(lacking, -1, steps), axis=0)
-    after = np.minimum.accumulate(np.where(lacking, times.size, steps)[::-1], axis=0)[::-1]
-    # The times around the series stand for no value at all.
-    padded = np.concatenate([times, [np.inf, -np.inf]])
-    since, until = times[:, None] - padded[before], padded[after] - times[:, None]
-    is_since, is_until = since <= most_s, until <= most_s
-    both = is_since & is_until
-    whole = np.maximum(since + until, 1.0)
-    share = np.divide(since, whole, out=np.where(is_since, 0.0, 1.0), where=both)
-    is_long = (lacking & ~is_since & ~is_until).any(axis=0)
+    step_s = float(np.median(np.diff(times_s)))
+    most, nodes = max(1, int(_FILLED_S // step_s)), np.flatnonzero(changing)
     parts = []
     for part in (field.u, field.v):
-        own = part[:, changing]
-        around = [own[np.clip(at, 0, times.size - 1), column] for at in (before, after)]
-        mixed = np.where(share < 1, (1 - share) * around[0], 0.0)
-        mixed += np.where(share > 0, share * around[1], 0.0)
-        parts.append(part.copy())
-        parts[-1][:, changing] = np.where(is_long, np.nan, np.where(lacking, mixed, own))
-    told = Note.of(
-        "current-gaps-filled",
-        share=float(changing.mean()),
-        lost=float(is_long.sum() / changing.size),
-        hours=most_s / 3600,
-    )
-    return replace(field, u=parts[0], v=parts[1]), (told,)
+        series = xr.DataArray(part[:, changing], [("time", list(times_s)), ("node", nodes)])
+        # pandas' interpolation, as xarray's own can't be limited to some steps.
+        filled = series.to_pandas().interpolate("index", limit=most, limit_direction="both")
+        parts.append(filled.to_numpy())
+    lost = np.isnan(parts[0] + parts[1]).any(axis=0)
+    u, v = field.u.copy(), field.v.copy()
+    u[:, changing], v[:, changing] = (np.where(lost, np.nan, part) for part in parts)
+    shares = {"share": float(changing.mean()), "lost": float(lost.sum() / changing.size)}
+    told = Note.of("current-gaps-filled", hours=most * step_s / 3600, **shares)
+    return replace(field, u=u, v=v), (told,)
 
 
 WEAK_SHARE = 0.7

@@ -5,12 +5,13 @@ SCHISM and ADCIRC (`element`), ROMS (`lon_u` beside `lon_rho`), NEMO (`nav_lon`,
 """
 
 import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline._types import FloatArray, IndexArray
-from pipeline.sources.cf.axes import SAME_SHARE, axis_role
+from pipeline.sources.cf.axes import SAME_SHARE, axis_role, coordinate_axis, grid_fault
 from pipeline.sources.cf.dataset import reading
 from pipeline.sources.cf.mesh import SourceMesh, corner_triangles
 
@@ -22,6 +23,9 @@ _LONGITUDE = re.compile(r"(nav_|x?)(lon|lat)(g|gitude|itude)?(_?(rho|u|v|t|c|cel
 _CURVED = re.compile(r"(glam|gphi)[tuvf]")
 # Names of the corners of cells, where no attribute says so.
 _CORNERS = re.compile(r"nv|element|ele|triangles|tri|.*_?face_nodes")
+SURFACE = {"nschism_vgrid_layers": -1, "nvrt": -1, "siglay": 0}
+"""Dimensions of levels without a coordinate, and the place of the surface: SCHISM counts from the
+bottom, FVCOM from the surface."""
 # Beginnings of the names of dimensions along a grid's own x and y.
 _ALONG_X = ("xi", "x", "i", "nx", "lon")
 _ALONG_Y = ("eta", "y", "j", "ny", "lat")
@@ -72,11 +76,40 @@ def _named_first(
     return by_role
 
 
-def curved_lines(dataset: "xr.Dataset", array: "xr.DataArray") -> SourceMesh | None:
-    """Return the points on curved lines on which a variable is; None where it is on none.
+def grid_of(
+    dataset: "xr.Dataset", array: "xr.DataArray", about: Mapping[str, Mapping[str, str]]
+) -> tuple[str, str, FloatArray, FloatArray, SourceMesh | None]:
+    """Return the dimensions and axes (lat, lon, lats, lons) of a variable, or the mesh it is on.
 
-    A staggered variable whose points are not given is midway between those of the cells' middles.
+    `about` is what `coordinates` returns.
+
+    Raises
+    ------
+    ValueError
+        The file does not say where the values are.
     """
+    mapping = dataset.variables.get(array.attrs.get("grid_mapping", ""))
+    is_turned = mapping is not None and "rotated" in mapping.attrs.get("grid_mapping_name", "")
+    along = {role: dim for dim, own in about.items() if len(own) == 1 for role in own}
+    if "lon" in along and "lat" in along and not is_turned:
+        lat, lon = along["lat"], along["lon"]
+        lons = coordinate_axis(dataset, about[lon]["lon"], period=360.0)
+        return lat, lon, coordinate_axis(dataset, about[lat]["lat"]), lons, None
+    nowhere = np.zeros(0)
+    mesh = _curved_lines(dataset, array)
+    if mesh is not None:
+        straight = _straight_axes(mesh)
+        return (*straight, None) if straight else ("", "", nowhere, nowhere, mesh)
+    of_mesh = array.attrs.get("mesh", "") in dataset.variables
+    for dim in map(str, reversed(array.dims)):
+        is_of_points = len(about[dim]) > 1 and {"lon", "lat"} <= about[dim].keys()
+        if is_of_points or (of_mesh and not about[dim] and dim not in SURFACE):
+            return "", "", nowhere, nowhere, _cells_of_mesh(dataset, array, dim)
+    raise ValueError(grid_fault(array, array.attrs["grid_mapping"] if is_turned else ""))
+
+
+def _curved_lines(dataset: "xr.Dataset", array: "xr.DataArray") -> SourceMesh | None:
+    """Return the points on curved lines on which a variable is; None where it is on none."""
     dims = tuple(map(str, array.dims))
     pairs = [(one, other) for i, one in enumerate(dims) for other in dims[i + 1 :]]
     for pair in reversed(pairs):
@@ -85,20 +118,6 @@ def curved_lines(dataset: "xr.Dataset", array: "xr.DataArray") -> SourceMesh | N
             y, x = pair if not _is_turned(pair) else pair[::-1]
             lon, lat = (_degrees(dataset, names[role], (y, x)) for role in ("lon", "lat"))
             return SourceMesh((y, x), lon, lat)
-    if {"lon_rho", "lat_rho"} <= set(map(str, dataset.variables)):
-        about = dataset.variables["lon_rho"]
-        middles = [
-            _degrees(dataset, name, tuple(map(str, about.dims))) for name in ("lon_rho", "lat_rho")
-        ]
-        for y, x in reversed(pairs):
-            lacking = [full - array.sizes[d] for full, d in zip(about.shape, (y, x), strict=True)]
-            if sorted(lacking) == [0, 1]:
-                axis = lacking.index(1)
-                inner = np.arange(about.shape[axis] - 1)
-                lon, lat = (
-                    (side.take(inner, axis) + side.take(inner + 1, axis)) / 2 for side in middles
-                )
-                return SourceMesh((y, x), lon, lat)
     return None
 
 
@@ -108,7 +127,7 @@ def _is_turned(pair: tuple[str, str]) -> bool:
     return first in _ALONG_X and second in _ALONG_Y
 
 
-def straight_axes(mesh: SourceMesh) -> tuple[str, str, FloatArray, FloatArray] | None:
+def _straight_axes(mesh: SourceMesh) -> tuple[str, str, FloatArray, FloatArray] | None:
     """Return dimensions and axes (lat dim, lon dim, lats, lons) of lines that are not curved."""
     lines = ((mesh.dims, mesh.lon, mesh.lat), (mesh.dims[::-1], mesh.lon.T, mesh.lat.T))
     for (lat_dim, lon_dim), lon, lat in lines:
@@ -123,7 +142,7 @@ def straight_axes(mesh: SourceMesh) -> tuple[str, str, FloatArray, FloatArray] |
     return None
 
 
-def cells_of_mesh(dataset: "xr.Dataset", array: "xr.DataArray", dim: str) -> SourceMesh:
+def _cells_of_mesh(dataset: "xr.Dataset", array: "xr.DataArray", dim: str) -> SourceMesh:
     """Return the mesh on whose nodes or cells a variable is, along one dimension.
 
     Raises

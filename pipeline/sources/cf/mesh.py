@@ -13,6 +13,7 @@ xugrid (0.15) was tried and is not used: it needs numba-celltree, whose tree tak
 and interpolates neither with gaps that change nor on staggered points.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -140,6 +141,36 @@ class SourceMesh:
             distance = csr_array((offset, (node, cell)), shape=shape)
             weights = weights + distance @ slope
         return Table(part, (lat.size, lon.size), csr_array(weights), own, None)
+
+    def highest(
+        self,
+        lon: FloatArray,
+        lat: FloatArray,
+        read: Callable[[tuple[slice, ...]], FloatArray],
+    ) -> FloatArray:
+        """Return the highest value around each node (ny, nx) of axes, NaN where none is known.
+
+        It is that of the cell that holds the node, and of all points that are nearest to the node.
+        `read` returns the values of a part of the points.
+        """
+        table = self.table(lon, lat)
+        values = read(table.part)
+        x, y = (side[table.part].ravel() for side in (self.lon, self.lat))
+        values = values.ravel()
+        weights = table.around
+        count = np.diff(weights.indptr)
+        found = np.full(count.size, np.nan)
+        if weights.nnz:
+            corners = values[weights.indices]
+            found[count > 0] = np.fmax.reduceat(corners, weights.indptr[:-1][count > 0])
+        x = _around(x, (lon[0] + lon[-1]) / 2)
+        column, row = (
+            np.rint((side - axis[0]) / (axis[1] - axis[0])) for side, axis in ((x, lon), (y, lat))
+        )
+        inside = (column >= 0) & (column < lon.size) & (row >= 0) & (row < lat.size)
+        node = (row[inside] * lon.size + column[inside]).astype(np.intp)
+        np.fmax.at(found, node, values[inside])
+        return found.reshape(lat.size, lon.size)
 
     def _part(self, bounds: Bounds) -> tuple[FloatArray, FloatArray, IndexArray, tuple[slice, ...]]:
         """Return corners x, y (n,), triangles of them, and the part of the points that is read.

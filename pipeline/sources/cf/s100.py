@@ -133,7 +133,8 @@ def _variables(
             continue
         values = np.asarray(read[code])
         fill = values.dtype.type(float(_text(stated[code]["fillValue"])))
-        about = {"units": _text(stated[code]["uom.name"]), **attributes}
+        unit = _text(stated[code]["uom.name"])
+        about = {"units": unit, "cell_methods": "time: point", **attributes}
         found[code] = (np.where(values == fill, values.dtype.type(np.nan), values), about)
     if not found:
         raise UnusableError(f"its {feature} has none of {', '.join(_VARIABLES)}")
@@ -190,8 +191,7 @@ def _moments(instance: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no typ
     if min(map(len, stamps)) < 14:
         return {}
     seconds = [datetime.strptime(f"{s[:14]}+0000", "%Y%m%d%H%M%S%z").timestamp() for s in stamps]
-    about = {"standard_name": "time", "cell_methods": "time: point", **_SINCE}
-    return {"time": ("time", np.array(seconds), about)}
+    return {"time": ("time", np.array(seconds), {"standard_name": "time", **_SINCE})}
 
 
 def _depth(about: Mapping[str, Any]) -> dict[str, Any]:

@@ -49,7 +49,7 @@ _WGS84 = 2
 # Code in DSPM of the only unit of depths that it allows, the metre.
 _METRES = 1
 # Names of the datums of depths (VERDAT, the codes of DSPM_SDAT) for which tides are published.
-_DATUMS = {
+DATUMS = {
     "1": "MLWS", "2": "MLLWS", "3": "MSL", "4": "LLW", "5": "MLW", "6": "LLWS", "8": "ISLW",
     "9": "LWS", "12": "MLLW", "13": "LW", "23": "LAT",
 }  # fmt: skip
@@ -174,7 +174,7 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
         issued=day,
         scale=int(str(identification["DSPM_CSCL"])),
         covered=shapely.union_all(covered),
-        datum=_DATUMS.get(sdat := str(identification["DSPM_SDAT"]), f"datum {sdat} of S-57"),
+        datum=DATUMS.get(sdat := str(identification["DSPM_SDAT"]), f"datum {sdat} of S-57"),
         objects={name: objects for name, (objects, _) in read.items() if len(objects.geometry)},
         repaired=sum(count for _, count in read.values()),
         warnings=tuple(issued),

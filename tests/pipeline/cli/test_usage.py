@@ -43,7 +43,7 @@ def test_a_scenario_is_refused_with_all_the_faults_of_its_options(tmp_path: Path
     file = tmp_path / "file"
     file.touch()
     options = ("--charts", "./no.gpkg", "--currents", "palawan", "--output", str(file))
-    output, currents, chart = refusal("run", "palawan-season", *options)
+    output, chart, currents = refusal("run", "palawan-season", *options)
     assert "is not a folder" in output
     assert "--currents = 'palawan' does not exist; it is no source of the catalogue" in currents
     assert "no.gpkg' does not exist" in chart

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import shapely
@@ -26,6 +27,7 @@ from pipeline.model.inputs import DepthRule
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources import combined_charts
+from pipeline.sources.cf.dataset import open_dataset
 from pipeline.sources.combined_charts import (
     DepthFile,
     Heights,
@@ -194,6 +196,9 @@ def test_both_conventions_give_heights_in_the_longitudes_asked_for(
         ("depth", {}, -1.0),
         ("depth", {"positive": "up"}, 1.0),
         ("z", {"standard_name": "height_above_geoid"}, 1.0),
+        ("z", {"standard_name": "height", "positive": "up"}, 1.0),
+        ("Band1", {"positive": "down"}, -1.0),
+        ("h", {"long_name": "bathymetry at RHO-points"}, -1.0),
         ("bathy", {"standard_name": "sea_floor_depth_below_geoid"}, -1.0),
         ("bathy", {"standard_name": "sea_floor_depth_below_sea_surface"}, -1.0),
         (
@@ -221,6 +226,8 @@ def test_a_variable_is_found_by_its_standard_name_or_its_own(
     [
         ("salinity", {"units": "1e-3"}, ["no depths among salinity (no standard name)", "GEBCO"]),
         ("elevation", {}, ["elevation has no unit", "set its attribute 'units'"]),
+        ("Band1", {}, ["does not say whether it counts up", "-a units,Band1,o,c,m` for heights"]),
+        ("h", {"long_name": "layer thickness", "units": "m"}, ["ncatted -a positive,h,o,c,up`"]),
         ("elevation", {"units": "feet"}, ["elevation is in 'feet', not in m", "convert it"]),
         (
             "elevation",
@@ -269,6 +276,46 @@ def test_a_curvilinear_grid_text_and_damage_are_refused(tmp_path: Path) -> None:
         with pytest.raises(RequestError, match=reason) as caught:
             DepthFile.open(tmp_path / name)
         assert len(caught.value.faults) == 1
+
+
+def test_of_curved_lines_the_highest_around_counts(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    i, j = np.meshgrid(np.arange(60), np.arange(50))
+    lon, lat = -0.5 + 0.02 * (i - 0.4 * j), 49.6 + 0.012 * (j + 0.3 * i)
+    depth = rng.uniform(5.0, 60.0, lon.shape)
+    depth[20:24, 30:34] = np.nan
+    about = {"units": "meter", "long_name": "bathymetry at RHO-points"}
+    data = xr.Dataset({"h": (("eta_rho", "xi_rho"), depth, about)})
+    data = data.assign(lon_rho=(("eta_rho", "xi_rho"), lon), lat_rho=(("eta_rho", "xi_rho"), lat))
+    data.to_netcdf(tmp_path / "roms.nc")
+    heights = DepthFile.open(tmp_path / "roms.nc").heights((-0.4, 49.75, 0.0, 50.0))
+    assert heights is not None
+    known = np.isfinite(heights.height_m)
+    assert known.mean() > 0.9
+    # No sounding is deeper in the table than in the file, at any node within half a cell.
+    x, y = np.meshgrid(heights.lon, heights.lat)
+    half = [np.diff(axis)[0] / 2 for axis in (heights.lon, heights.lat)]
+    for at in zip(lon.ravel(), lat.ravel(), -depth.ravel(), strict=True):
+        near = (np.abs(x - at[0]) <= half[0]) & (np.abs(y - at[1]) <= half[1])
+        assert np.isnan(at[2]) or (heights.height_m[near] >= at[2]).all()
+    assert np.nanmax(heights.height_m) <= np.nanmax(-depth)
+
+
+def test_s102_is_read_with_its_own_datum(shared: Path) -> None:
+    path = shared / "data" / "s100" / "noaa_s102_US004MI1CI.h5"
+    found = DepthFile.open(path)
+    assert (found.variable, found.sign, found.datum) == ("depth", -1.0, "MLLW")
+    heights = found.heights((-83.165, 42.295, -83.15, 42.31))
+    assert heights is not None
+    with h5py.File(path) as file:
+        stored = file["BathymetryCoverage/BathymetryCoverage.01/Group_001/values"][:]["depth"]
+    with open_dataset(path) as data:
+        read = data["depth"].values[0]
+        assert np.array_equal(read, np.where(stored == 1e6, np.nan, stored), equal_nan=True)
+    assert np.nanmax(heights.height_m) == pytest.approx(-stored.min())
+    chart = ChartSpec(depths=str(path), datum="LAT")
+    with pytest.raises(RequestError, match=r"--datum.*US004MI1CI\.h5 states MLLW"):
+        land_source(chart, 2.0)
 
 
 def test_too_many_cells_are_refused_and_a_region_without_cells_gives_none(

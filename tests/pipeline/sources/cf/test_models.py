@@ -379,9 +379,10 @@ def test_speed_and_direction_are_read_from_netcdf(tmp_path: Path) -> None:
         assert largest_error(read(written(data, tmp_path / f"{off:g}.nc"))) < 1e-6
 
 
-def test_positions_of_faces_follow_from_those_of_cells(tmp_path: Path) -> None:
+def test_faces_without_positions_are_refused_with_what_is_lacking(tmp_path: Path) -> None:
     data = staggered(STEP).drop_vars(["lon_u", "lat_u", "lon_v", "lat_v"])
-    assert largest_error(read(written(data, tmp_path / "rho.nc"))) < BOUND_M_S
+    with pytest.raises(RequestError, match=r"u is along .*give the file with its lon and lat"):
+        read(written(data, tmp_path / "rho.nc"))
 
 
 def test_levels_of_fvcom_are_at_each_node(tmp_path: Path) -> None:
