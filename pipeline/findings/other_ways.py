@@ -50,9 +50,9 @@ _CELLS_AT_CHOICE = 16_000
 _WIDTH = 3 / math.sqrt(_CELLS)
 # Minimum size of the land on either side of a strait, as a share of the voyage's distance.
 _PART_SHARE = 0.01
-# Largest length of the straight lines through a strait, in lengths of the best route: a much longer
-# way would not need less fuel.
-_LONGER = 1.05
+# Largest length of a way through a strait, in lengths of the best route: a longer one would not
+# save time. The quickest way round on the roadmap is to be among them, and may be longer by this.
+_LONGER = 1.02
 # A shut strait up to this multiple of the width that the planner needs is shut by its own banks.
 # The excess allows for the errors of margin, tolerance and projection. A wider strait without water
 # lies in enclosed water, which is land to the planner; the straits that enclose it are found
