@@ -317,6 +317,21 @@ def test_cells_that_fall_dry_at_times_have_gaps_then(tmp_path: Path) -> None:
     assert largest_error(grid) < SPEED_M_S * np.pi / 20 / 2
 
 
+@pytest.mark.parametrize("filler", [np.nan, 0.0])
+def test_points_on_land_may_have_no_position(tmp_path: Path, filler: float) -> None:
+    data = curved(STEP)
+    blank = (slice(80, 100), slice(88, 101))
+    for name in ("nav_lon", "nav_lat"):
+        data[name].values[blank] = filler
+    for name in ("vozocrtx", "vomecrty"):
+        data[name] = data[name].copy()
+        data[name][:, *blank] = np.nan
+    grid = read(written(data, tmp_path / "blank.nc"))
+    assert np.isnan(grid.u).mean() > 0.02
+    # Beside the blank a slope of the lines is one-sided.
+    assert largest_error(grid) < 2 * BOUND_M_S
+
+
 def test_a_table_reaches_across_180_degrees(tmp_path: Path) -> None:
     data = curved(STEP)
     data = data.assign_coords(nav_lon=(("y", "x"), (data.nav_lon.values + 47.0 + 180) % 360 - 180))
