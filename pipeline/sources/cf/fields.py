@@ -569,13 +569,15 @@ class FieldReader:
         for name, variable in self._dataset(component.file).variables.items():
             if set(variable.dims) == set(mesh.dims) and (said := _MASK.search(str(name).lower())):
                 with reading():
-                    return zero & (self._part_of(variable, mesh) == (said[0] == "land"))
+                    mask = self._part_of(variable, mesh)
+                return np.asarray(zero & (mask == (said[0] == "land")))
         part = self._tables[self._meshes.index(mesh)].part
         lon, lat = mesh.lon[part], mesh.lat[part]
         placed, is_land = np.isfinite(lon + lat), np.zeros(lon.shape, dtype=bool)
         is_land[placed] = LandMask.world().is_land(lon[placed], lat[placed])
         stands_for_land = is_land.any() and zero[is_land].mean() >= _ZERO_LAND
-        return zero & (stands_for_land and zero[~is_land].mean() <= 1 - _ZERO_LAND)
+        is_meant = bool(stands_for_land and zero[~is_land].mean() <= 1 - _ZERO_LAND)
+        return zero & is_meant
 
     def _dataset(self, file: Path) -> "xr.Dataset":
         """Return an open file."""
