@@ -96,8 +96,8 @@ def _compared(one: CheckedRoute) -> Iterator[str]:
             size = f"{text.percent(abs(more), 2)} {'above' if more > 0 else 'below'}"
             way = f", {other.metrics.way}" * bool(other.metrics.way)
             yield (
-                f"{size if abs(more) > _SAME else 'The fuel of'} the least-fuel route {which} that "
-                f"keeps room to turn: {text.fuel(other.metrics.fuel)}, "
+                f"{size if abs(more) > _SAME else 'As much fuel as'} the least-fuel route "
+                f"{which} that keeps room to turn: {text.fuel(other.metrics.fuel)}, "
                 f"{text.distance(other.metrics.length_m)}{way}"
             )
 

@@ -115,10 +115,10 @@ def _failed(
         and not any(isinstance(cause, TooLateError) for cause in error.causes)
         and not is_shut_in(case, error.straits, _smallest_padding(error, case, options))
     )
-    return CaseResult(case.name, None, _reason(error, case), seconds, is_shut)
+    return CaseResult(case.name, None, reason_text(error, case), seconds, is_shut)
 
 
-def _reason(error: renew.PlanningError, case: Case) -> str:
+def reason_text(error: renew.PlanningError, case: Case) -> str:
     """Return the reason why there is no plan: of those of many classes one, with one remedy."""
     spelled = partial(
         planner_text, case=case, stretch=1.0 if case.speeds is None else largest_stretch(case)
@@ -136,10 +136,10 @@ def _reason(error: renew.PlanningError, case: Case) -> str:
     why = causes[0].text
     if error.straits:
         gap = min(error.straits, key=lambda one: one.padding_left + one.padding_right - one.width)
-        needed = Length(gap.padding_left + gap.padding_right)
+        needed = Length(gap.padding_left + gap.padding_right, gap.gap)
         why = Text(
-            "the gap at {0} is {1} wide, and padding and clearance take {2}",
-            (gap.gap.mean(axis=0), Length(gap.width), needed),
+            "the gap at {0} is {1} wide, and {2} are needed",
+            (gap.gap.mean(axis=0), Length(gap.width, gap.gap), needed),
         )
     # The planner's text ends with what it tried.
     tried = error.text.values[-1]

@@ -23,6 +23,7 @@ from pipeline.model.case import MIN_LATENESS_S
 from pipeline.run import EventHandler, prepare
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.stages.measure import measured
+from pipeline.stages.plan_case import reason_text
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.route_file import GivenRoute
 
@@ -182,7 +183,7 @@ def _checked(
         given,
         same_side,
         best,
-        "" if found.cause is None else planner_text(found.cause.text, case),
+        "" if found.cause is None else reason_text(found.cause, case),
         cumulative(taken.planner_s if is_planners else taken.true_s),
         crossed,
         None if crossed or near is None else case.water.place(near[0]),

@@ -78,7 +78,7 @@ def test_ways_through_gates_save_what_their_lengths_say(
     lines = [[(x + 100, y - w / 2), (x + 100, y + w / 2)] for x, y, w in numbered]
     share = np.array([width / 100 for *_, width in numbered])
     planned = [(case, CaseResult(case.name, plan, "", 0.0))]
-    found = shortcuts(planned, np.array(lines), share, "projected")
+    found = shortcuts(planned, EXTENT, np.array(lines), share, "projected")
     around = length_m(gates, (TOP,) * len(gates))
     assert plan.best.length == pytest.approx(around, rel=0.01)
     for way in found:
