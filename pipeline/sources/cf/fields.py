@@ -615,8 +615,12 @@ def filled_in_time(field: Field, times_s: Sequence[float]) -> tuple[Field, tuple
     lost = np.isnan(parts[0] + parts[1]).any(axis=0)
     u, v = field.u.copy(), field.v.copy()
     u[:, changing], v[:, changing] = (np.where(lost, np.nan, part) for part in parts)
-    shares = {"share": float(changing.mean()), "lost": float(lost.sum() / changing.size)}
-    told = Note.of("current-gaps-filled", hours=most * step_s / 3600, **shares)
+    told = Note.of(
+        "current-gaps-filled",
+        hours=most * step_s / 3600,
+        share=float(changing.mean()),
+        lost=float(lost.sum() / changing.size),
+    )
     return replace(field, u=u, v=v), (told,)
 
 
