@@ -16,7 +16,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.route_profile import closest_approach, coast_edges, cumulative, sailed
-from pipeline.findings.text import planner_text
+from pipeline.findings.text import planner_text, season_text
 from pipeline.findings.way_names import island_places, way_names
 from pipeline.model import Case, CaseResult, Note, Place, PlaceName, plan_options
 from pipeline.model.case import MIN_LATENESS_S
@@ -107,9 +107,14 @@ def check_route(
     results, islands, class_islands = way_names(
         chosen.cases.value[0].water, [one for *_, one in found.values()], places
     )
+    said += tuple(
+        f"{season_text(name)} was not checked: {why}"
+        for name, why in chosen.fetched.failures.items()
+    )
+    seasons = tuple(one for one in chosen.scenario.seasons if one.name in found)
     every = (*(Note.of("as-read", said=text) for text in said), *chosen.notes)
     run = RunResult(
-        chosen.scenario,
+        chosen.scenario.model_copy(update={"seasons": seasons}),
         replace(chosen.fetched, notes=(*every, *chosen.fetched.notes, *land.value.notes)),
         land.value,
         chosen.cases.value[0].water,
