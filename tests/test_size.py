@@ -18,7 +18,7 @@ ROOMS = {
     "renew": (1_430, 27),
     "pipeline": (1_120, 12),
     "pipeline/cli": (2_622, 6),
-    "pipeline/findings": (3_560, 17),
+    "pipeline/findings": (3_553, 17),
     "pipeline/formats": (7_822, 15),
     "pipeline/geo": (850, 4),
     "pipeline/machine": (1_628, 10),
