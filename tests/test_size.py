@@ -28,7 +28,7 @@ ROOMS = {
     "pipeline/serve": (1_484, 9),
     "pipeline/sources": (9_580, 42),
     "pipeline/stages": (4_889, 15),
-    "pipeline/voyage": (2_356, 9),
+    "pipeline/voyage": (2_361, 9),
     "renew/bounds": (1_586, 8),
     "renew/classes": (2_396, 14),
     "renew/inputs": (2_055, 23),
@@ -43,7 +43,7 @@ ROOMS = {
 }
 MOST_FILES = 218
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (56, 529)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 531)}
 
 
 def modules(room: str) -> dict[Path, str]:
