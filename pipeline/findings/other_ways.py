@@ -15,7 +15,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
-import shapely.affinity
 from shapely import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
@@ -198,19 +197,13 @@ def shut_straits(
 
 
 def _reach(case: Case, result: CaseResult) -> shapely.Polygon:
-    """Return where a way may lead that is hardly longer than the best route, planar metres.
+    """Return a strip that holds every way hardly longer than the best route, planar metres.
 
-    In an ellipse round start and goal, whichever points the route has to pass.
+    Such ways lie in an ellipse round start and goal, and the strip is as wide.
     """
-    ends, apart = np.stack([case.start, case.goal]), math.dist(case.start, case.goal)
-    whole = _LONGER * max(result.routes[0].length, apart)
-    high = math.sqrt(whole**2 - apart**2)
-    circle = shapely.affinity.scale(
-        shapely.Point(0, 0).buffer(1 / math.cos(math.pi / 64)), whole / 2, high / 2
-    )
-    along = math.atan2(*(ends[1] - ends[0])[::-1])
-    turned = shapely.affinity.rotate(circle, along, origin=(0, 0), use_radians=True)
-    return shapely.affinity.translate(turned, *ends.mean(axis=0))
+    apart = math.dist(case.start, case.goal)
+    longest = _LONGER * max(result.routes[0].length, apart)
+    return shapely.LineString([case.start, case.goal]).buffer(math.sqrt(longest**2 - apart**2) / 2)
 
 
 class _Gap(NamedTuple):

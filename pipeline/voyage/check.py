@@ -22,6 +22,7 @@ from pipeline.model import Case, CaseResult, Note, Place, PlaceName, plan_option
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.run import EventHandler, prepare
 from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.stages.lanes import AgainstLane, against_lanes
 from pipeline.stages.measure import measured
 from pipeline.stages.plan_case import reason_text
 from pipeline.voyage.request import VoyageRequest
@@ -53,6 +54,7 @@ class CheckedRoute:
     crossed : the land that it crosses, the longest part first.
     nearest : where land is nearest; None where it crosses land, or there is none.
     shut : sentences on the areas that it enters, or may meet while they are shut.
+    against : the traffic lanes that it sails against.
     met : places from which a hard-over turn meets land.
     """
 
@@ -64,6 +66,7 @@ class CheckedRoute:
     crossed: tuple[LandCrossed, ...]
     nearest: Place | None
     shut: tuple[str, ...]
+    against: tuple[AgainstLane, ...]
     met: tuple[Place, ...]
 
 
@@ -188,6 +191,7 @@ def _checked(
         crossed,
         None if crossed or near is None else case.water.place(near[0]),
         tuple(planner_text(one, case) for one in found.shut),
+        tuple(against_lanes(case.projection.to_lonlat(path), given.case.run.fetched.land.zones)),
         tuple(map(case.water.place, turns.points[turns.collided])),
     )
 
