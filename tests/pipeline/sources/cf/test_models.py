@@ -379,6 +379,9 @@ def test_a_pair_can_be_named(tmp_path: Path) -> None:
     assert any("is a and b of the file, as asked" in text for text in note_texts(grid.notes))
     with pytest.raises(RequestError, match="no variable c, but a "):
         read(path, pair=("a", "c"))
+    data["a"].attrs["long_name"] = "10 metre U wind component"
+    with pytest.raises(RequestError, match="are no current: the file calls one '10 metre U wind"):
+        read(written(data, tmp_path / "wind.nc"), pair=("a", "b"))
 
 
 def test_speed_and_direction_are_read_from_netcdf(tmp_path: Path) -> None:
@@ -456,6 +459,13 @@ def _delft(step: float) -> xr.Dataset:
 @pytest.mark.parametrize("make", [_schism, _delft])
 def test_meshes_as_models_name_them(tmp_path: Path, make: Callable[[float], xr.Dataset]) -> None:
     assert largest_error(read(written(make(STEP), tmp_path / "mesh.nc"))) < 1.5 * BOUND_M_S
+
+
+def test_a_mesh_without_times_is_read(tmp_path: Path) -> None:
+    path = written(_delft(STEP).isel(time=0, drop=True), tmp_path / "still.nc")
+    grid = read(path, valid="2024-03-15")
+    assert largest_error(grid) < 1.5 * BOUND_M_S
+    assert any(note.kind == "time-assumed" for note in grid.notes)
 
 
 def test_components_on_the_edges_of_a_mesh_are_refused(tmp_path: Path) -> None:
