@@ -68,6 +68,8 @@ def _lines(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> 
     if one.nearest is not None:
         yield f"Nearest {no_go}: {text.clearance(row.clearance_m)}, at {one.nearest.text}"
     yield from (f"SHUT: {said}" for said in one.shut)
+    for lane in one.against:
+        yield (f"AGAINST the {lane.name}: for {text.distance(lane.length_m)}, at {lane.place.text}")
     if row.collisions:
         places = ", ".join(place.text for place in one.met[:_FEW])
         more = f" and {len(one.met) - _FEW} more places" * (len(one.met) > _FEW)
@@ -96,8 +98,8 @@ def _compared(one: CheckedRoute) -> Iterator[str]:
             size = f"{text.percent(abs(more), 2)} {'above' if more > 0 else 'below'}"
             way = f", {other.metrics.way}" * bool(other.metrics.way)
             yield (
-                f"{size if abs(more) > _SAME else 'The fuel of'} the least-fuel route {which} that "
-                f"keeps room to turn: {text.fuel(other.metrics.fuel)}, "
+                f"{size if abs(more) > _SAME else 'As much fuel as'} the least-fuel route "
+                f"{which} that keeps room to turn: {text.fuel(other.metrics.fuel)}, "
                 f"{text.distance(other.metrics.length_m)}{way}"
             )
 
@@ -138,6 +140,10 @@ def _json(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> d
         ],
         "nearest": one.nearest and note_value(one.nearest),
         "shut": one.shut,
+        "against_lanes": [
+            {"name": lane.name, "length_m": lane.length_m, "place": note_value(lane.place)}
+            for lane in one.against
+        ],
         "turns_meet_land_from": [note_value(place) for place in one.met],
         "same_side": beside(one.same_side),
         "best": beside(one.best),

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
@@ -33,7 +33,7 @@ from pipeline.model import (
 from pipeline.model.result import NumberedIsland
 from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.errors import Length, Strait
+from renew.errors import Length
 from renew.inputs.current import as_field
 from renew.voyage.voyage import Voyage, Waters
 
@@ -49,9 +49,9 @@ _CELLS_AT_CHOICE = 16_000
 _WIDTH = 3 / math.sqrt(_CELLS)
 # Minimum size of the land on either side of a strait, as a share of the voyage's distance.
 _PART_SHARE = 0.01
-# Largest length of the straight lines through a strait, in lengths of the best route: a much longer
-# way would not need less fuel.
-_LONGER = 1.05
+# Largest length of a way through a strait, in lengths of the best route: a longer one would not
+# save time. The quickest way round on the roadmap is to be among them, and may be longer by this.
+_LONGER = 1.02
 # A shut strait up to this multiple of the width that the planner needs is shut by its own banks.
 # The excess allows for the errors of margin, tolerance and projection. A wider strait without water
 # lies in enclosed water, which is land to the planner; the straits that enclose it are found
@@ -168,43 +168,57 @@ def shut_straits(
     radius, given = max(case.vessel.turning_radius for case, _ in found), plan_options(options)
     likely = given.likely_width(radius)
     turns = 2 * radius if given.is_adaptive else 0.0
-    finder = _StraitFinder(found[0][0].water, likely, max(likely, turns))
-    gaps = finder.gaps([result for _, result in found], partial(_may_save, found))
-    share = np.array([gap.strait.width_m / gap.strait.needed_m for gap in gaps])
-    ways = shortcuts(found, np.array([gap.line for gap in gaps]), share, options.drift)
-    known = (*places, *island_places(finder.water))
-    for number, way in reversed([*enumerate(ways, 1)]):
-        for at in way.straits:
+    water = found[0][0].water
+    area = shapely.union_all([_reach(case, result) for case, result in found])
+    area = shapely.intersection(water.chart.extent, area.convex_hull)
+    finder = _StraitFinder(water, area, likely, max(likely, turns))
+    paths = shapely.MultiLineString([one.path for _, result in found for one in result.routes])
+    gaps = [
+        gap
+        for gap in finder.gaps([result for _, result in found])
+        if not shapely.LineString(gap.line).intersects(paths)
+    ]
+    lines = np.array([gap.line for gap in gaps])
+    share = np.array([math.dist(*gap.line) * water.projection.scale / gap.needed_m for gap in gaps])
+    ways = shortcuts(found, area, lines, share, options.drift)
+    known = (*places, *island_places(water))
+    straits = dict[int, ShutStrait]()
+    for number, way in enumerate(ways, 1):
+        for at in sorted(way.straits - straits.keys(), key=lambda at: float(share[at])):
             beside = finder.beside(gaps[at].line, known)
-            shown = replace(gaps[at].strait, saves=way.saves, way=number, beside=beside)
-            gaps[at] = gaps[at]._replace(strait=shown)
+            straits[at] = finder.told(gaps[at], saves=way.saves, way=number, beside=beside)
     least = _PART_SHARE * min(math.dist(case.start, case.goal) for case, _ in found)
-    straits = [gap.strait for gap in gaps if gap.strait.way or finder.is_important(gap, least)]
-    return tuple(
-        sorted(straits, key=lambda one: (one.way or math.inf, one.width_m * (1 if one.way else -1)))
-    )
+    others = [
+        finder.told(gap)
+        for at, gap in enumerate(gaps)
+        if at not in straits and finder.is_important(gap, least)
+    ]
+    return *straits.values(), *sorted(others, key=lambda strait: -strait.width_m)
 
 
-def _may_save(planned: Sequence[tuple[Case, CaseResult]], line: FloatArray) -> bool:
-    """Whether no route passes a strait (2, 2), and a way through may be as short as a best one."""
-    middle, gap = line.mean(axis=0), shapely.LineString(line)
-    paths = (route.path for _, result in planned for route in result.routes)
-    return any(
-        math.dist(case.start, middle) + math.dist(middle, case.goal)
-        <= _LONGER * result.routes[0].length
-        for case, result in planned
-    ) and not any(gap.intersects(shapely.LineString(path)) for path in paths)
+def _reach(case: Case, result: CaseResult) -> shapely.Polygon:
+    """Return a strip that holds every way hardly longer than the best route, planar metres.
+
+    Such ways lie in an ellipse round start and goal, and the strip is as wide.
+    """
+    apart = math.dist(case.start, case.goal)
+    longest = _LONGER * max(result.routes[0].length, apart)
+    return shapely.LineString([case.start, case.goal]).buffer(math.sqrt(longest**2 - apart**2) / 2)
 
 
 class _Gap(NamedTuple):
     """A strait with its line (2, 2) from shore to shore, planar metres.
 
     `part` is the size of the smaller part of the land beside it; `is_sure` is whether it is surely
-    shut: a few of the others may be open to a vessel that does not pass them straight.
+    shut: a few of the others may be open to a vessel that does not pass them straight. The other
+    attributes are as in ShutStrait.
     """
 
     line: FloatArray
-    strait: ShutStrait
+    needed_m: float
+    padding_m: float
+    by: Literal["margin", "padding"] = "padding"
+    seasons: tuple[str, ...] = ()
     part: float = math.inf
     is_sure: bool = True
 
@@ -213,11 +227,12 @@ class _Gap(NamedTuple):
 class _StraitFinder:
     """Finds the straits of one chart; lengths are planar metres, or true metres if named `_m`.
 
-    `likely` is the width that nearly all paddings exceed, and `turns` the one that hard-over turns
-    or a clearance need beside a straight way in still water.
+    `area` is where they count, `likely` the width that nearly all paddings exceed, and `turns` the
+    one that hard-over turns or a clearance need beside a straight way in still water.
     """
 
     water: Water
+    area: shapely.Polygon
     likely: float
     turns: float
 
@@ -236,45 +251,50 @@ class _StraitFinder:
         """A spatial index of the original land."""
         return shapely.STRtree(np.array(self.water.land, dtype=object))
 
-    def gaps(
-        self, results: Sequence[CaseResult], counts: Callable[[FloatArray], bool]
-    ) -> list[_Gap]:
-        """Return the straits that padding shuts and whose line (2, 2) counts, each once.
+    @cached_property
+    def _coast(self) -> tuple[shapely.STRtree, IndexArray]:
+        """A spatial index of short pieces of the land's coast, and the polygon of each."""
+        pieces, owner = _pieces(self._land.geometries)
+        return shapely.STRtree(pieces), owner
+
+    def gaps(self, results: Sequence[CaseResult]) -> list[_Gap]:
+        """Return the straits that padding shuts, each once.
 
         One at which classes were rejected is told with the figures of their refusals. It is left
         out if it is wide enough for the padding of its own banks: other land shuts it.
         """
-        gaps = [*self._shut(counts)]
+        gaps = [*self._shut()]
         rejected = [
             (result.name, one.strait)
             for result in results
             for one in (result.plan.rejected if result.plan else ())
             if one.strait
         ]
-        lines = [gap.line for gap in gaps] if rejected else []
+        scale, lines = self.water.projection.scale, [gap.line for gap in gaps] if rejected else []
         known = {both: at for at, both in enumerate(self._shores(lines))}
         for case, strait in rejected:
             line = self.water.shores(strait.gap)
             # A corner of the channel may have water beyond it.
-            if line is None or not counts(line):
+            if line is None:
                 continue
-            (shores,), told = self._shores([line]), self._refused(strait, line)
-            if told.width_m > told.needed_m:
+            padding_m = (strait.padding_left + strait.padding_right) * scale
+            needed_m = padding_m + self.water.true_m(Length(0.0, strait.gap))
+            if math.dist(*line) * scale > needed_m:
                 continue
-            if shores not in known:
-                known[shores] = len(gaps)
-                gaps.append(_Gap(line, told))
-            before = gaps[known[shores]].strait
+            (shores,), told = self._shores([line]), _Gap(line, needed_m, padding_m)
+            at = known.setdefault(shores, len(gaps))
+            before = gaps[at] if at < len(gaps) else told
             if before.seasons:
-                told = max(before, told, key=lambda strait: strait.needed_m)
-            told = replace(told, seasons=tuple(dict.fromkeys((*before.seasons, case))))
-            gaps[known[shores]] = gaps[known[shores]]._replace(strait=told, is_sure=True)
+                told = max(before, told, key=lambda gap: gap.needed_m)
+            seasons = tuple(dict.fromkeys((*before.seasons, case)))
+            gaps[at : at + 1] = [told._replace(seasons=seasons, part=before.part)]
         return gaps
 
     def _shores(self, lines: Sequence[FloatArray]) -> list[tuple[int, ...]]:
         """Return the numbers of the two polygons of land that each line (2, 2) joins, in order."""
+        coast, owner = self._coast
         ends = shapely.points(np.array(lines).reshape(-1, 2))
-        nearest = self._land.query_nearest(ends, all_matches=False)[1].reshape(-1, 2)
+        nearest = owner[coast.query_nearest(ends, all_matches=False)[1]].reshape(-1, 2)
         return [tuple(both) for both in np.sort(nearest, axis=1).tolist()]
 
     def beside(self, line: FloatArray, places: Sequence[PlaceName]) -> tuple[str, ...]:
@@ -288,41 +308,35 @@ class _StraitFinder:
             names += [max(on, key=lambda place: place.area_deg2).name] if on else []
         return tuple(dict.fromkeys(names))
 
-    def _shut(self, counts: Callable[[FloatArray], bool]) -> Iterator[_Gap]:
-        """Yield the bottlenecks of the land that padding shuts, as far as they count."""
+    def _shut(self) -> Iterator[_Gap]:
+        """Yield the bottlenecks of the land that padding shuts, the narrowest first."""
         scale, land = self.water.projection.scale, self._land.geometries
-        near = land[shapely.intersects(self.water.chart.extent, land)]
+        near = land[self._land.query(self.area, "intersects")]
         padding_m = 2 * self.turns * scale
         widest = 2 * self.water.added_m / scale + 2 * self.turns
         for line, part in narrow_gaps(near, widest, partial(self._is_shut, padding=self.turns)):
-            if not counts(line):
+            if not shapely.intersects_xy(self.area, *line.mean(axis=0)):
                 continue
-            by_margin = self._open_water(line) * scale <= _NO_WATER_M
-            strait = self._strait(line, 2 * self.water.added_m + padding_m, padding_m)
-            strait = replace(strait, by="margin") if by_margin else strait
-            yield _Gap(line, strait, part, self._is_shut(line, self.likely))
+            is_sure, open_m = self._is_shut(line, self.likely), self._open_water(line) * scale
+            gap = _Gap(line, widest * scale, padding_m, part=part, is_sure=is_sure)
+            yield gap if open_m > _NO_WATER_M else gap._replace(by="margin")
 
     def is_important(self, gap: _Gap, least: float) -> bool:
         """Whether a gap is shut by its own banks, parts of land that are not below a size."""
         # A wider one without water lies in water that others enclose.
-        own_m = 2 * self.water.added_m if gap.strait.by == "margin" else gap.strait.needed_m
-        is_own = gap.is_sure and gap.part >= least and gap.strait.width_m <= _COVERED * own_m
-        return is_own and bool(
-            shapely.intersects_xy(self.water.chart.extent, *gap.line.mean(axis=0))
-        )
+        own_m = 2 * self.water.added_m if gap.by == "margin" else gap.needed_m
+        width_m = math.dist(*gap.line) * self.water.projection.scale
+        return gap.is_sure and gap.part >= least and width_m <= _COVERED * own_m
 
-    def _refused(self, strait: Strait, line: FloatArray) -> ShutStrait:
-        """Return the strait with a line (2, 2) from shore to shore, with figures of a refusal."""
-        padding_m = (strait.padding_left + strait.padding_right) * self.water.projection.scale
-        taken_m = self.water.true_m(Length(0.0, strait.gap))
-        return self._strait(line, taken_m + padding_m, padding_m)
-
-    def _strait(self, line: FloatArray, needed_m: float, padding_m: float) -> ShutStrait:
-        """Return a strait with a line (2, 2) from shore to shore."""
+    def told(
+        self, gap: _Gap, saves: float = 0.0, way: int = 0, beside: tuple[str, ...] = ()
+    ) -> ShutStrait:
+        """Return a gap for readers, with what a way through it saves."""
         projection = self.water.projection
-        lon, lat = projection.to_lonlat(line.mean(axis=0)).tolist()
-        width_m = projection.geodesic_length_m(line)
-        return ShutStrait(lon, lat, width_m, needed_m, padding_m, "padding")
+        lon, lat = projection.to_lonlat(gap.line.mean(axis=0)).tolist()
+        width_m = projection.geodesic_length_m(gap.line)
+        of_gap = gap.needed_m, gap.padding_m, gap.by, gap.seasons
+        return ShutStrait(lon, lat, width_m, *of_gap, saves, way, beside)
 
     def _is_shut(self, line: FloatArray, padding: float) -> bool:
         """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""

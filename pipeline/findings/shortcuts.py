@@ -46,17 +46,22 @@ class Shortcut(NamedTuple):
 
 
 def shortcuts(
-    planned: Sequence[tuple[Case, CaseResult]], lines: FloatArray, share: FloatArray, drift: Drift
+    planned: Sequence[tuple[Case, CaseResult]],
+    area: shapely.Polygon,
+    lines: FloatArray,
+    share: FloatArray,
+    drift: Drift,
 ) -> list[Shortcut]:
     """Return ways through shut straits that would be quicker in some case, the best first.
 
-    `lines` (g, 2, 2) are the straits from shore to shore, planar metres, which no best route
-    passes; `share` (g,) is how wide each is of the width needed. Times are at full speed, and in a
-    changing current the least at any time.
+    They are searched in an area of the chart. `lines` (g, 2, 2) are the straits from shore to
+    shore, planar metres, which no route passes; `share` (g,) is how wide each is of the width
+    needed. Times are at full speed, and in a changing current the least at any time.
     """
-    water = planned[0][0].water
-    stops, land = np.concatenate([case.stops for case, _ in planned]), np.array(water.land)
-    mesh = mesh_of_water(land, water.chart.extent, stops) if len(lines) else None
+    stops = np.concatenate([case.stops for case, _ in planned])
+    land = np.array(planned[0][0].water.land, dtype=object)
+    near = land[shapely.intersects(area, land)]
+    mesh = mesh_of_water(near, area, stops) if len(lines) else None
     if mesh is None:
         return []
     ways = list[Shortcut]()
@@ -75,6 +80,8 @@ def shortcuts(
             for one in parts
         ]
         whole = sum(around for around, _ in found)
+        if not math.isfinite(whole):
+            continue
         ways += [
             Shortcut(one.saves / whole, one.worth / whole, one.straits)
             for _, of_part in found
@@ -129,7 +136,7 @@ def _through(
     crossed = np.bincount(leg, price[gap], minlength=len(legs))
     around = float(quickest(np.where(crossed, math.inf, time), START)[0][GOAL])
     if not math.isfinite(around):
-        return 0.0, []
+        return math.inf, []
     cost = time + crossed
     (there, before), (onwards, after) = quickest(cost, START), quickest(cost, GOAL)
     whole = there[tail[leg]] + cost[leg] + onwards[head[leg]]

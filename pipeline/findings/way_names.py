@@ -37,6 +37,8 @@ from renew.classes.h_signature import Rays, rays_that_matter
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
 # Number of sampled points of a route.
 _SAMPLES = 1000
+# Share of a route's length within which a place counts as its start or goal.
+_AT_END = 1e-6
 # Points are abeam of an island if their distance from its centre is at most this multiple of the
 # smallest distance.
 _NEAR = 2.0
@@ -149,7 +151,14 @@ class _WayNamer:
             return next(iter(self._distinguishing_any), None)
         best = next(iter(self._routes.values()))
         on_the_way = rays_that_matter(self._rays, best.path, 2).island.tolist()
-        return next(iter(on_the_way), None)
+        return next((one for one in on_the_way if self._is_passed(one, best.path)), None)
+
+    def _is_passed(self, island: int, path: FloatArray) -> bool:
+        """Whether an island is nearest somewhere along a path (n, 2), not at its start or goal."""
+        line = shapely.LineString(path)
+        nearest = shapely.get_coordinates(shapely.shortest_line(line, self._outline(island)))[0]
+        along = line.project(shapely.Point(nearest), normalized=True)
+        return bool(_AT_END < along < 1 - _AT_END)
 
     def _distinguishing(self, key: RouteKey, main: int) -> list[int]:
         """Return a few islands that, with the main one, distinguish a route in its case."""

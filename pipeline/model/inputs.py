@@ -166,7 +166,7 @@ DECIDED = frozenset(
 They stand directly below the answer, and in every output that has a place for them.
 """
 
-NOT_KNOWN = frozenset({"canal-left-out", "strait-unresolved", "streams-weak"})
+NOT_KNOWN = frozenset({"against-lane", "canal-left-out", "strait-unresolved", "streams-weak"})
 """Kinds of notes with which stages report what is not known."""
 
 Say = Callable[[Note], None]
@@ -202,13 +202,14 @@ class Zone:
     `uncharted` area is covered by no source. All three are no-go, and also among the polygons of
     their Land. A `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's
     rule there for a passing vessel, if any. The user's areas are `shut` at the hours of their
-    rule.
+    rule. The traffic of a lane has a true course; None where it is not known.
     """
 
     kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
     name: str
     rule: str
     area: BaseGeometry
+    course_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from pipeline.model.result import NumberedIsland
 from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.canals import canal_notes
 from pipeline.stages.choose import Chosen, in_thread, narrows_notes, room_notes
+from pipeline.stages.lanes import against_lanes
 from pipeline.stages.places import shut_notes, tide_notes
 
 
@@ -123,6 +124,7 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
         *unresolved_strait_notes(result),
         *weak_stream_notes(result),
         *left_out_canals(result),
+        *lanes_broken(result),
         *result.unknowns,
     )
 
@@ -141,6 +143,17 @@ def left_out_canals(result: RunResult) -> Iterator[Note]:
             start, *_, goal = result.water.projection.to_lonlat(case.case.stops).tolist()
             notes = canal_notes(tuple(start), tuple(goal), case.routes[0].metrics.length_m)
             yield from (note.about(case.name) for note in notes)
+
+
+def lanes_broken(result: RunResult) -> Iterator[Note]:
+    """Yield a note for each traffic lane that a case's best route sails against."""
+    for case in result.cases:
+        for best in case.routes[:1]:
+            line = result.water.projection.to_lonlat(best.route.path)
+            for name, length_m, place in against_lanes(line, result.fetched.land.zones):
+                yield Note.of(
+                    "against-lane", rank=best.rank, lane=name, length_m=length_m, place=place
+                ).about(case.name)
 
 
 # Minimum number of cells across a strait for the grid to resolve its tide.

@@ -16,12 +16,13 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.route_profile import closest_approach, coast_edges, cumulative, sailed
-from pipeline.findings.text import planner_text
+from pipeline.findings.text import planner_text, season_text
 from pipeline.findings.way_names import island_places, way_names
 from pipeline.model import Case, CaseResult, Note, Place, PlaceName, plan_options
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.run import EventHandler, prepare
 from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.stages.lanes import AgainstLane, against_lanes
 from pipeline.stages.measure import measured
 from pipeline.stages.plan_case import reason_text
 from pipeline.voyage.request import VoyageRequest
@@ -53,6 +54,7 @@ class CheckedRoute:
     crossed : the land that it crosses, the longest part first.
     nearest : where land is nearest; None where it crosses land, or there is none.
     shut : sentences on the areas that it enters, or may meet while they are shut.
+    against : the traffic lanes that it sails against.
     met : places from which a hard-over turn meets land.
     """
 
@@ -64,6 +66,7 @@ class CheckedRoute:
     crossed: tuple[LandCrossed, ...]
     nearest: Place | None
     shut: tuple[str, ...]
+    against: tuple[AgainstLane, ...]
     met: tuple[Place, ...]
 
 
@@ -104,9 +107,14 @@ def check_route(
     results, islands, class_islands = way_names(
         chosen.cases.value[0].water, [one for *_, one in found.values()], places
     )
+    said += tuple(
+        f"{season_text(name)} was not checked: {why}"
+        for name, why in chosen.fetched.failures.items()
+    )
+    seasons = tuple(one for one in chosen.scenario.seasons if one.name in found)
     every = (*(Note.of("as-read", said=text) for text in said), *chosen.notes)
     run = RunResult(
-        chosen.scenario,
+        chosen.scenario.model_copy(update={"seasons": seasons}),
         replace(chosen.fetched, notes=(*every, *chosen.fetched.notes, *land.value.notes)),
         land.value,
         chosen.cases.value[0].water,
@@ -188,6 +196,7 @@ def _checked(
         crossed,
         None if crossed or near is None else case.water.place(near[0]),
         tuple(planner_text(one, case) for one in found.shut),
+        tuple(against_lanes(case.projection.to_lonlat(path), given.case.run.fetched.land.zones)),
         tuple(map(case.water.place, turns.points[turns.collided])),
     )
 

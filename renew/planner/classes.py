@@ -20,7 +20,7 @@ from renew.classes.dual_graph import Channel, Transition, widest_gap
 from renew.classes.h_signature import Word, shortened
 from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
 from renew.planner.fit import fitted, fitted_along
-from renew.planner.free_ways import CELLS, FreeWays, has_fine_roadmap
+from renew.planner.free_ways import TRIES, FreeWays, has_fine_roadmap
 from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
@@ -260,13 +260,12 @@ class ClassSearch:
         """Plan ways along which turns are free, if padding costs much or shuts all ways."""
         if not self._is_padded_off:
             return
-        planner, problem, least = self._planner, self._planner.problem, self._least_fuel
-        found = set[Word]()
-        for cell in CELLS:
-            if not has_fine_roadmap(problem, cell) or (cell < CELLS[0] and self.found):
-                break
-            ways = FreeWays(problem, cell)
-            for path in ways.paths(count, _WORTH_A_SEARCH * least):
+        planner, problem = self._planner, self._planner.problem
+        for cell, margin in TRIES:
+            if not has_fine_roadmap(problem, cell) or (cell < TRIES[0][0] and self.found):
+                return
+            ways, found = FreeWays(problem, cell, margin), set[Word]()
+            for path in ways.paths(count, _WORTH_A_SEARCH * self._least_fuel):
                 if problem.word(path) not in found:
                     with contextlib.suppress(InfeasibleError):
                         way = fitted_along(planner, path, ways)

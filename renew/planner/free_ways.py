@@ -19,14 +19,14 @@ from renew.classes.roadmap import GOAL, START, Resolution
 from renew.planner.problem import Problem
 from renew.planner.turn_test import LazyLegs, TurnTest
 
-# Size of a cell, in v/ω: a finer roadmap is taken where no way is found on a coarse one.
-CELLS = 0.8, 0.5
+# Sizes of a cell, and margins around land while ways are looked for, in v/ω. A way is verified with
+# a margin between the two: the wide one leads to ways that can be verified, the narrow one to
+# others that may be better. The fine roadmap is for water where the coarse one leads to none.
+TRIES = ((0.8, 0.07), (0.8, 0.02), (0.5, 0.07), (0.5, 0.02))
 # To how many cells along either axis legs lead.
 _REACH = 4
 # Largest number of cells: a chart with sides of about a hundred v/ω.
 _MAX_CELLS = 20_000
-# Margin around land while ways are looked for, in v/ω; a way is verified with a wider one.
-_MARGIN = 0.02
 # Ratios to the best time that is still possible up to which turns are flown, in the field and in
 # its deviations; further if there is no path among those legs whose corners can be rounded.
 _AHEAD = ((1.02, 1.01), (1.05, 1.04), (1.2, 1.15))
@@ -52,7 +52,7 @@ class FreeWays:
     Of each leg (m,), it knows the node at its begin, and the leg that leads back.
     """
 
-    def __init__(self, problem: Problem, cell: float) -> None:
+    def __init__(self, problem: Problem, cell: float, margin: float) -> None:
         scout = problem.scout(problem.options.min_width)
         graph = scout.roadmap(Resolution(round(_cells(problem, cell)), _REACH))
         self._problem, self._graph = problem, graph
@@ -63,7 +63,7 @@ class FreeWays:
         order = np.argsort(number)
         self._back = order[np.searchsorted(number, back, sorter=order)]
         legs = graph.points[self._tail], graph.points[graph.head]
-        test = TurnTest(problem, graph.mesh, _MARGIN)
+        test = TurnTest(problem, graph.mesh, margin)
         self._legs = LazyLegs(test, legs, graph.time.copy(), closely=False)
 
     def paths(self, count: int, most: float) -> list[FloatArray]:

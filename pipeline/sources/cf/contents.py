@@ -498,9 +498,9 @@ def _find_pair(
 ) -> tuple[_Pair, tuple[Note, ...]]:
     """Find the two components, (standard name, name) each, with notes; ValueError without a pair.
 
-    A pair that is asked for by its names is taken, whatever it is called. Of several pairs a total
-    is taken; if there is none, the first in the order of the standard names above, and then of the
-    names.
+    A pair that is asked for by its names is taken, unless the file calls it something else. Of
+    several pairs a total is taken; if there is none, the first in the order of the standard names
+    above, and then of the names.
     """
     said = {
         (str(array.attrs.get("standard_name", "")), str(name)): tuple(
@@ -508,7 +508,7 @@ def _find_pair(
         )
         for dataset in datasets
         for name, array in dataset.data_vars.items()
-        if array.ndim >= 2
+        if array.ndim >= 2 or "mesh" in array.attrs
     }
     listed = [f"{of[1]} ({'; '.join(said[of]) or 'no standard name'})" for of in sorted(said)]
     if asked is not None:
@@ -516,6 +516,11 @@ def _find_pair(
         if lacking := [name for name in asked if name not in by_name]:
             raise ValueError(f"it has no variable {', '.join(lacking)}, but {', '.join(listed)}")
         named = (by_name[asked[0]], by_name[asked[1]])
+        if other := next(filter(_is_other, itertools.chain(*(said[of] for of in named))), ""):
+            raise ValueError(
+                f"{asked[0]} and {asked[1]} are no current: the file calls one {other!r}; name "
+                "others, or correct that"
+            )
         return named, tuple(_notes(named, said, (), is_asked=True))
     pairs = list(_pairs({of for of, texts in said.items() if not any(map(_is_other, texts))}))
     if not pairs:

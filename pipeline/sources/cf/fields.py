@@ -557,25 +557,27 @@ class FieldReader:
         return np.asarray(part.load().transpose(..., *mesh.dims).values)
 
     def _dry_points(self, component: Component, mesh: SourceMesh) -> BoolArray:
-        """Return which points of curved lines are on land, though they have a value there.
+        """Return which points of curved lines are on land, though they have a value there: 0.
 
-        A mask of the file says so. Without one they are points that are 0 at the first and the last
-        step, if nine in ten points on the world's land are, and few points of water.
+        They are 0 at the first and the last step, and a mask of the file says so. Without one, nine
+        in ten points on the world's land must be 0, and few points of water.
         """
-        dataset = self._dataset(component.file)
-        for name, variable in dataset.variables.items():
+        steps = {0, max(0, len(component.steps.labels) - 1)}
+        zero = np.asarray((self._as_stored(component, sorted(steps)) == 0).all(axis=0))
+        if not zero.any():
+            return zero
+        for name, variable in self._dataset(component.file).variables.items():
             if set(variable.dims) == set(mesh.dims) and (said := _MASK.search(str(name).lower())):
                 with reading():
-                    return np.asarray(self._part_of(variable, mesh) == (said[0] == "land"))
-        steps = [0, len(component.steps.labels) - 1] if component.steps.labels else [0]
-        zero = (self._as_stored(component, sorted({*steps})) == 0).all(axis=0)
+                    mask = self._part_of(variable, mesh)
+                return np.asarray(zero & (mask == (said[0] == "land")))
         part = self._tables[self._meshes.index(mesh)].part
         lon, lat = mesh.lon[part], mesh.lat[part]
-        is_land = LandMask.world().is_land(lon.ravel(), lat.ravel()).reshape(lon.shape)
-        stands_for_land = zero.any() and is_land.any() and zero[is_land].mean() >= _ZERO_LAND
-        if not stands_for_land or zero[~is_land].mean() > 1 - _ZERO_LAND:
-            return np.zeros(zero.shape, dtype=bool)
-        return np.asarray(zero)
+        placed, is_land = np.isfinite(lon + lat), np.zeros(lon.shape, dtype=bool)
+        is_land[placed] = LandMask.world().is_land(lon[placed], lat[placed])
+        stands_for_land = is_land.any() and zero[is_land].mean() >= _ZERO_LAND
+        is_meant = bool(stands_for_land and zero[~is_land].mean() <= 1 - _ZERO_LAND)
+        return zero & is_meant
 
     def _dataset(self, file: Path) -> "xr.Dataset":
         """Return an open file."""
@@ -613,8 +615,12 @@ def filled_in_time(field: Field, times_s: Sequence[float]) -> tuple[Field, tuple
     lost = np.isnan(parts[0] + parts[1]).any(axis=0)
     u, v = field.u.copy(), field.v.copy()
     u[:, changing], v[:, changing] = (np.where(lost, np.nan, part) for part in parts)
-    shares = {"share": float(changing.mean()), "lost": float(lost.sum() / changing.size)}
-    told = Note.of("current-gaps-filled", hours=most * step_s / 3600, **shares)
+    told = Note.of(
+        "current-gaps-filled",
+        hours=most * step_s / 3600,
+        share=float(changing.mean()),
+        lost=float(lost.sum() / changing.size),
+    )
     return replace(field, u=u, v=v), (told,)
 
 

@@ -103,7 +103,7 @@ def grid_of(
     of_mesh = array.attrs.get("mesh", "") in dataset.variables
     for dim in map(str, reversed(array.dims)):
         is_of_points = len(about[dim]) > 1 and {"lon", "lat"} <= about[dim].keys()
-        if is_of_points or (of_mesh and not about[dim] and dim not in SURFACE):
+        if is_of_points or (of_mesh and not about[dim] and dim.lower() not in SURFACE):
             return "", "", nowhere, nowhere, _cells_of_mesh(dataset, array, dim)
     raise ValueError(grid_fault(array, array.attrs["grid_mapping"] if is_turned else ""))
 
@@ -164,6 +164,11 @@ def _cells_of_mesh(dataset: "xr.Dataset", array: "xr.DataArray", dim: str) -> So
         dataset, about.get("node_coordinates", ""), cell_dim, int(corners.max()) + 1
     )
     triangles, cells = corner_triangles(corners)
+    if dim != cell_dim and nodes[0].size != array.sizes[dim]:
+        raise ValueError(
+            f"{array.name} is along {dim} ({array.sizes[dim]}), neither the {nodes[0].size} nodes "
+            f"nor the {len(corners)} cells of its mesh; give components on nodes or cells"
+        )
     if dim != cell_dim:
         return SourceMesh((dim,), nodes[0], nodes[1], triangles)
     present = corners >= 0

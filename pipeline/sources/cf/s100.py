@@ -2,8 +2,8 @@
 
 They become datasets by the CF conventions. Units and fill values are those that the file's own
 `Group_F` states, as text. Sources are S-100 part 10c (editions 4 and 5), S-111 1.0 to 2.0, S-104
-2.0 and S-102 3.0. No library reads them: GDAL's drivers read one time at a time, none of S-111 1.0
-and none of irregular points; s100py (3.2) needs GDAL's Python bindings, which have no wheels.
+2.0 and S-102 3.0. GDAL's drivers read one time at a time, and no irregular points; NOAA's s100py
+writes such files, and needs GDAL's Python bindings, which have no wheels.
 """
 
 import re

@@ -36,7 +36,7 @@ from pipeline.texts import clean
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.
-_COLUMNS = ("DRVAL1", "DRVAL2", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM")
+_COLUMNS = ("DRVAL1", "DRVAL2", "VALSOU", "CATCOV", "CATZOC", "RESTRN", "OBJNAM", "ORIENT")
 # Options of GDAL's driver: lists as text, no primitives, no references between objects.
 _OPTIONS = {"LIST_AS_STRING": "ON", "RETURN_PRIMITIVES": "OFF", "LNAM_REFS": "OFF"}
 # Fields that identify a cell: edition, update and its date, scale, datum and unit of depths.
@@ -501,8 +501,10 @@ def _zones(part: Cell) -> Iterator[Zone]:
         if name != "RESARE" and name not in _TRAFFIC:
             continue
         inside = _cut_to(objects.geometry, part.covered)
-        for area, title, codes in zip(
-            inside, objects.texts("OBJNAM"), objects.texts("RESTRN"), strict=True
+        # Of a lane, ORIENT is the direction of its traffic.
+        courses = objects.numbers("ORIENT") if name == "TSSLPT" else np.full(len(inside), np.nan)
+        for area, title, codes, course_deg in zip(
+            inside, objects.texts("OBJNAM"), objects.texts("RESTRN"), courses.tolist(), strict=True
         ):
             if area.area == 0:
                 continue
@@ -510,7 +512,8 @@ def _zones(part: Cell) -> Iterator[Zone]:
             if name == "RESARE":
                 yield Zone("restricted", title, rule, area)
             else:
-                yield Zone("traffic", title or _TRAFFIC[name], rule, area)
+                known = course_deg if math.isfinite(course_deg) else None
+                yield Zone("traffic", title or _TRAFFIC[name], rule, area, known)
 
 
 def _notes(parts: Sequence[Cell], sea: shapely.Geometry, region: shapely.Polygon) -> Iterator[Note]:

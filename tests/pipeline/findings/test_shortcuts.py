@@ -36,11 +36,13 @@ def walls(gates: list[list[tuple[float, float]]]) -> np.ndarray:
     return np.array(shapely.get_parts(shapely.union_all(parts)))
 
 
-def length_m(gates: list[list[tuple[float, float]]], ys: tuple[float, ...]) -> float:
-    """Length of the way that passes each wall at a height."""
+def length_m(
+    gates: list[list[tuple[float, float]]], ys: tuple[float, ...], via: np.ndarray
+) -> float:
+    """Length of the way over the points via that passes each wall behind them at a height."""
     xs = np.linspace(3e3, 7e3, len(gates))
     corners = [(x + aside, y) for x, y in zip(xs, ys, strict=True) for aside in (0, 200)]
-    return float(shapely.LineString([START, *corners, GOAL]).length)
+    return float(shapely.LineString([START, *via, *corners, GOAL]).length)
 
 
 HEIGHTS = st.lists(st.integers(2, 8), min_size=1, max_size=3, unique=True)
@@ -50,10 +52,11 @@ WIDTHS = st.lists(st.floats(20.0, 90.0), min_size=3, max_size=3)
 @given(
     heights=st.lists(HEIGHTS, min_size=1, max_size=2),
     widths=st.lists(WIDTHS, min_size=2, max_size=2),
+    via=st.sampled_from([np.empty((0, 2)), np.array([[2e3, 4e3]])]),
 )
-@settings(max_examples=8)
+@settings(max_examples=6)
 def test_ways_through_gates_save_what_their_lengths_say(
-    heights: list[list[int]], widths: list[list[float]]
+    heights: list[list[int]], widths: list[list[float]], via: np.ndarray
 ) -> None:
     """Against lines that are drawn by hand: without a current, time is length."""
     gates = [
@@ -68,8 +71,9 @@ def test_ways_through_gates_save_what_their_lengths_say(
         current=renew.UniformCurrent(0.0, 0.0),
         start=START,
         goal=GOAL,
+        via=via,
     )
-    plan = renew.plan(solid, case.current, case.vessel, START, GOAL, padding="none")
+    plan = renew.plan(solid, case.current, case.vessel, START, GOAL, via=via, padding="none")
     numbered = [
         (x, y, width)
         for x, of_wall in zip(np.linspace(3e3, 7e3, len(gates)), gates, strict=True)
@@ -78,17 +82,17 @@ def test_ways_through_gates_save_what_their_lengths_say(
     lines = [[(x + 100, y - w / 2), (x + 100, y + w / 2)] for x, y, w in numbered]
     share = np.array([width / 100 for *_, width in numbered])
     planned = [(case, CaseResult(case.name, plan, "", 0.0))]
-    found = shortcuts(planned, np.array(lines), share, "projected")
-    around = length_m(gates, (TOP,) * len(gates))
+    found = shortcuts(planned, EXTENT, np.array(lines), share, "projected")
+    around = length_m(gates, (TOP,) * len(gates), via)
     assert plan.best.length == pytest.approx(around, rel=0.01)
     for way in found:
         by_wall = {numbered[at][0]: numbered[at][1] for at in way.straits}
         ys = tuple(by_wall.get(x, TOP) for x in np.linspace(3e3, 7e3, len(gates)))
         assert len(by_wall) == len(way.straits)
-        assert way.saves == pytest.approx(1 - length_m(gates, ys) / around, abs=0.02)
+        assert way.saves == pytest.approx(1 - length_m(gates, ys, via) / around, abs=0.02)
     # The shortest of all is the first, but for the price of narrow gates.
     every = itertools.product(*([y for y, _ in of_wall] for of_wall in gates))
-    shortest = min(length_m(gates, ys) for ys in every)
+    shortest = min(length_m(gates, ys, via) for ys in every)
     assert found[0].saves == pytest.approx(1 - shortest / around, abs=0.04)
 
 

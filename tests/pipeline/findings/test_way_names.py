@@ -223,3 +223,12 @@ def test_without_an_island_beside_it_a_way_has_no_name() -> None:
     found = named(scene, planned(scene, classes=1))
     assert [row.way for row in found.routes] == [""]
     assert found.islands == ()
+
+
+def test_an_island_behind_the_goal_or_the_start_is_not_passed() -> None:
+    for x in (450.0, -450.0):
+        behind = shapely.box(x - 40, -200, x + 40, 200)
+        scene = voyage([behind], (-400, 0), (400, 0))
+        found = named(scene, planned(scene, classes=1))
+        assert [row.way for row in found.routes] == [""]
+        assert found.islands == ()

@@ -17,8 +17,8 @@ AROUND = {
 }  # fmt: skip
 
 
-# Between the ends of the longest waterways many other canals are looked at first.
-LONG_M = 900_000.0
+# Between the ends of long waterways many other canals are looked at first: 0.5 to 5 s each.
+LONG_M = 90_000.0
 PAIRS = [
     pytest.param(one, id=one.name, marks=[pytest.mark.slow] * (one.length_m > LONG_M))
     for one in canals()

@@ -37,6 +37,7 @@ from tests.pipeline.sources.cf.model_files import (
     VORTEX_DEG,
     curved,
     on_cells,
+    on_nodes,
     regular,
     staggered,
     velocity,
@@ -317,6 +318,21 @@ def test_cells_that_fall_dry_at_times_have_gaps_then(tmp_path: Path) -> None:
     assert largest_error(grid) < SPEED_M_S * np.pi / 20 / 2
 
 
+@pytest.mark.parametrize("filler", [np.nan, 0.0])
+def test_points_on_land_may_have_no_position(tmp_path: Path, filler: float) -> None:
+    data = curved(STEP)
+    blank = (slice(80, 100), slice(88, 101))
+    for name in ("nav_lon", "nav_lat"):
+        data[name].values[blank] = filler
+    for name in ("vozocrtx", "vomecrty"):
+        data[name] = data[name].copy()
+        data[name][:, *blank] = np.nan
+    grid = read(written(data, tmp_path / "blank.nc"))
+    assert np.isnan(grid.u).mean() > 0.02
+    # Beside the blank a slope of the lines is one-sided.
+    assert largest_error(grid) < 2 * BOUND_M_S
+
+
 def test_a_table_reaches_across_180_degrees(tmp_path: Path) -> None:
     data = curved(STEP)
     data = data.assign_coords(nav_lon=(("y", "x"), (data.nav_lon.values + 47.0 + 180) % 360 - 180))
@@ -363,6 +379,9 @@ def test_a_pair_can_be_named(tmp_path: Path) -> None:
     assert any("is a and b of the file, as asked" in text for text in note_texts(grid.notes))
     with pytest.raises(RequestError, match="no variable c, but a "):
         read(path, pair=("a", "c"))
+    data["a"].attrs["long_name"] = "10 metre U wind component"
+    with pytest.raises(RequestError, match="are no current: the file calls one '10 metre U wind"):
+        read(written(data, tmp_path / "wind.nc"), pair=("a", "b"))
 
 
 def test_speed_and_direction_are_read_from_netcdf(tmp_path: Path) -> None:
@@ -388,6 +407,73 @@ def test_faces_without_positions_are_refused_with_what_is_lacking(tmp_path: Path
 def test_levels_of_fvcom_are_at_each_node(tmp_path: Path) -> None:
     path = written(on_cells(STEP), tmp_path / "shares.nc")
     assert any("of siglay the index 0" in text for text in note_texts(read(path).notes))
+
+
+def _schism(step: float) -> xr.Dataset:
+    """Return the current as SCHISM 5.10 writes it: layers from the bottom, and its own names."""
+    data = on_nodes(step)
+    layers = {"ucx": "horizontalVelX", "ucy": "horizontalVelY"}
+    for name, own in layers.items():
+        parts = [0.1 * data[name], data[name]]
+        data[own] = xr.concat(parts, "nSCHISM_vgrid_layers").transpose("time", "nodes", ...)
+        data[own].attrs = {"mesh": "mesh", "location": "node", "units": "m s-1"}
+    return data.drop_vars([*layers])
+
+
+def _delft(step: float) -> xr.Dataset:
+    """Return the current on cells of three and four corners, by the UGRID conventions."""
+    x, y = model_files.axes(step)
+    number = np.arange(x.size * y.size).reshape(y.size, x.size)
+    squares = np.stack(
+        [number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1
+    )
+    whole, halved = squares[::2].reshape(-1, 4), squares[1::2].reshape(-1, 4)
+    empty = np.full((len(halved), 1), -999)
+    corners = np.concatenate(
+        [whole, *(np.hstack([halved[:, own], empty]) for own in ([0, 1, 2], [0, 2, 3]))]
+    )
+    lon, lat = (side.ravel() for side in np.meshgrid(x, y))
+    present = corners >= 0
+    middles = [(side[corners] * present).sum(1) / present.sum(1) for side in (lon, lat)]
+    topology = {
+        "cf_role": "mesh_topology",
+        "node_coordinates": "mesh2d_node_x mesh2d_node_y",
+        "face_node_connectivity": "mesh2d_face_nodes",
+    }
+    about = {"mesh": "mesh2d", "location": "face", "units": "m s-1"}
+    u, v = (np.broadcast_to(part, (3, part.size)) for part in velocity(*middles))
+    faces = ("mesh2d_nFaces", "mesh2d_nMax_face_nodes")
+    return xr.Dataset(
+        {
+            "mesh2d": ((), 0, topology),
+            "mesh2d_ucx": (("time", faces[0]), u, about),
+            "mesh2d_ucy": (("time", faces[0]), v, about),
+            "mesh2d_face_nodes": (faces, corners, {"start_index": 0, "_FillValue": -999}),
+            "mesh2d_node_x": ("mesh2d_nNodes", lon, {"standard_name": "longitude"}),
+            "mesh2d_node_y": ("mesh2d_nNodes", lat, {"standard_name": "latitude"}),
+        },
+        {"time": np.array(model_files.TIMES, "datetime64[ns]")},
+    )
+
+
+@pytest.mark.parametrize("make", [_schism, _delft])
+def test_meshes_as_models_name_them(tmp_path: Path, make: Callable[[float], xr.Dataset]) -> None:
+    assert largest_error(read(written(make(STEP), tmp_path / "mesh.nc"))) < 1.5 * BOUND_M_S
+
+
+def test_a_mesh_without_times_is_read(tmp_path: Path) -> None:
+    path = written(_delft(STEP).isel(time=0, drop=True), tmp_path / "still.nc")
+    grid = read(path, valid="2024-03-15")
+    assert largest_error(grid) < 1.5 * BOUND_M_S
+    assert any(note.kind == "time-assumed" for note in grid.notes)
+
+
+def test_components_on_the_edges_of_a_mesh_are_refused(tmp_path: Path) -> None:
+    data = on_nodes(0.1)
+    for name in ("ucx", "ucy"):
+        data[name] = data[name].isel(nodes=slice(None, -1)).rename(nodes="edges")
+    with pytest.raises(RequestError, match=r"along edges \(\d+\), neither the \d+ nodes"):
+        read(written(data, tmp_path / "edges.nc"))
 
 
 def test_points_without_cells_are_refused_with_what_is_lacking(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
 from pipeline.sources.land.s57 import Cell, Objects, S57Chart, base_files, read_cell
 from pipeline.sources.registry import land_source
+from pipeline.stages.lanes import against_lanes
 from tests.pipeline.results import rows_of
 from tests.true_scale import GEOD, clearance_m
 
@@ -373,6 +374,32 @@ def test_traffic_lanes_are_zones_but_not_no_go() -> None:
     assert no_go(given).is_empty
     zones = s57.land([given], AROUND, HARBOUR, RULE).zones
     assert [z.name for z in zones if z.kind == "traffic"] == ["traffic lane"]
+
+
+def test_a_planted_lane_has_its_course_and_who_sails_against_it_is_told() -> None:
+    """A lane of 500 m to the north, beside one to the south, in a harbour of a kilometre."""
+    lanes = objects(
+        shapely.box(0.002, 0.002, 0.004, 0.008), shapely.box(0.006, 0.002, 0.008, 0.008),
+        OBJNAM=["up", "down"], RESTRN="", ORIENT=[0.0, 180.0],
+    )  # fmt: skip
+    zones = s57.land([cell({"TSSLPT": lanes})], AROUND, HARBOUR, RULE).zones
+    assert [z.course_deg for z in zones if z.kind == "traffic"] == [0.0, 180.0]
+
+    def told(*line: tuple[float, float]) -> list[tuple[str, float]]:
+        return [(one.name, one.length_m) for one in against_lanes(np.array(line), zones)]
+
+    up, down = ((0.003, 0.0), (0.003, 0.01)), ((0.007, 0.01), (0.007, 0.0))
+    length_m = GEOD.inv(0.003, 0.002, 0.003, 0.008)[2]
+    assert told(*up) == told(*down) == []
+    for name, line in (("up", up), ("down", down)):
+        ((lane, against_m),) = told(*line[::-1])
+        assert lane == name
+        assert against_m == pytest.approx(length_m, rel=1e-6)
+    # Across both, and around through both with the traffic.
+    assert told((0.0, 0.004), (0.01, 0.006)) == told((0.01, 0.006), (0.0, 0.004)) == []
+    assert told(*up, *down) == []
+    (found,) = against_lanes(np.array(up[::-1]), zones)
+    assert (found.place.x, found.place.y) == pytest.approx((0.003, 0.005))
 
 
 @pytest.mark.parametrize("turn", [0.0, 17.3, 45.0, 80.1])
