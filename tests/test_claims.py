@@ -115,7 +115,7 @@ def _palawan() -> SimpleNamespace:
 # A figure that needs a source: with a decimal point or a thousands separator, or a percentage.
 FIGURE = re.compile(r"(?<![\w.:/-])\d+(?:[.,]\d+)+(?:e-\d+)?|(?<![\w.])\d+(?= %)")
 OPTION = re.compile(r"--[a-z][a-z-]+")
-RENEW = re.compile(r"(?:^|[\s`/])renew ((?:nightly |tide |qgis )?[a-z]+)\b([^\n#;|]*)")
+RENEW = re.compile(r"(?:^|[\s`/])renew ((?:nightly |tide |qgis )?[a-z]+(?:-[a-z]+)*)\b([^\n#;|]*)")
 DESIGN, NIGHT = "docs/explanation/design.md", "docs/how-to/nightly.md"
 CLAIMS = "docs/explanation/claims.md"
 PAGES = (*DOCUMENTS, "outputs/README.md")

@@ -20,7 +20,7 @@ from renew.classes.dual_graph import Channel, Transition, widest_gap
 from renew.classes.h_signature import Word, shortened
 from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
 from renew.planner.fit import fitted, fitted_along
-from renew.planner.free_ways import TRIES, FreeWays, has_fine_roadmap
+from renew.planner.free_ways import CELLS, MARGINS, FreeWays, fine_roadmap, has_fine_roadmap
 from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
@@ -260,17 +260,23 @@ class ClassSearch:
         """Plan ways along which turns are free, if padding costs much or shuts all ways."""
         if not self._is_padded_off:
             return
-        planner, problem = self._planner, self._planner.problem
-        for cell, margin in TRIES:
-            if not has_fine_roadmap(problem, cell) or (cell < TRIES[0][0] and self.found):
+        problem = self._planner.problem
+        for cell in CELLS:
+            if not has_fine_roadmap(problem, cell) or (cell < CELLS[0] and self.found):
                 return
-            ways, found = FreeWays(problem, cell, margin), set[Word]()
-            for path in ways.paths(count, _WORTH_A_SEARCH * self._least_fuel):
-                if problem.word(path) not in found:
-                    with contextlib.suppress(InfeasibleError):
-                        way = fitted_along(planner, path, ways)
-                        found.add(problem.word(way.path))
-                        self._keep(problem.word(way.path), way)
+            graph = fine_roadmap(problem, cell)
+            for margin in MARGINS:
+                self._keep_ways(FreeWays(problem, graph, margin), count)
+
+    def _keep_ways(self, ways: FreeWays, count: int) -> None:
+        """Plan along up to `count` ways of free turns, and keep the best path of each class."""
+        problem, found = self._planner.problem, set[Word]()
+        for path in ways.paths(count, _WORTH_A_SEARCH * self._least_fuel):
+            if problem.word(path) not in found:
+                with contextlib.suppress(InfeasibleError):
+                    way = fitted_along(self._planner, path, ways)
+                    found.add(problem.word(way.path))
+                    self._keep(problem.word(way.path), way)
 
     def _keep(self, word: Word, found: ClassPath) -> None:
         """Keep a path of a class if it is the best so far."""

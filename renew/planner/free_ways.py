@@ -15,14 +15,15 @@ import shapely
 
 from renew._types import BoolArray, FloatArray
 from renew.classes.k_best_paths import nodes_of_rounded_path, time_from
-from renew.classes.roadmap import GOAL, START, Resolution
+from renew.classes.roadmap import GOAL, START, Resolution, Roadmap
 from renew.planner.problem import Problem
 from renew.planner.turn_test import LazyLegs, TurnTest
 
-# Sizes of a cell, and margins around land while ways are looked for, in v/ω. A way is verified with
-# a margin between the two: the wide one leads to ways that can be verified, the narrow one to
-# others that may be better. The fine roadmap is for water where the coarse one leads to none.
-TRIES = ((0.8, 0.07), (0.8, 0.02), (0.5, 0.07), (0.5, 0.02))
+# Sizes of a cell, in v/ω: a finer roadmap is taken where the coarse one leads to no way.
+CELLS = 0.8, 0.5
+# Margins around land while ways are looked for, in v/ω. A way is verified with one between both:
+# the wide one leads to ways that can be verified, the narrow one to others that may be better.
+MARGINS = 0.07, 0.02
 # To how many cells along either axis legs lead.
 _REACH = 4
 # Largest number of cells: a chart with sides of about a hundred v/ω.
@@ -46,17 +47,22 @@ def _cells(problem: Problem, cell: float) -> float:
     return float((xmax - xmin) * (ymax - ymin) / side**2)
 
 
+def fine_roadmap(problem: Problem, cell: float) -> Roadmap:
+    """Return a roadmap over a problem's water with cells of a size (v/ω)."""
+    scout = problem.scout(problem.options.min_width)
+    return scout.roadmap(Resolution(round(_cells(problem, cell)), _REACH))
+
+
 class FreeWays:
     """A fine roadmap of a problem's water, from which legs without free turns are dropped.
 
-    Of each leg (m,), it knows the node at its begin, and the leg that leads back.
+    Turns are free by a margin (v/ω). Of each leg (m,), it knows the node at its begin, and the leg
+    that leads back.
     """
 
-    def __init__(self, problem: Problem, cell: float, margin: float) -> None:
-        scout = problem.scout(problem.options.min_width)
-        graph = scout.roadmap(Resolution(round(_cells(problem, cell)), _REACH))
+    def __init__(self, problem: Problem, graph: Roadmap, margin: float) -> None:
         self._problem, self._graph = problem, graph
-        self._enumerator = scout.by_rays(problem.rays)
+        self._enumerator = problem.enumerator(problem.options.min_width)
         nodes = len(graph.points)
         self._tail = np.repeat(np.arange(nodes), np.diff(graph.first))
         number, back = self._tail * nodes + graph.head, graph.head * nodes + self._tail

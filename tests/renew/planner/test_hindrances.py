@@ -182,7 +182,7 @@ def test_the_offing_is_reduced_in_a_strait_to_a_share_of_the_half_width(width: f
 
 def test_the_padding_for_turns_is_never_reduced() -> None:
     chart = renew.Chart(EXTENT, wall(2000, 3.8 * RADIUS))
-    with pytest.raises(renew.UnreachableError, match=r"padding takes 20\.00 m"):
+    with pytest.raises(renew.UnreachableError, match=r"with 20\.00 m on the left"):
         planned(chart, clearance=CLEARANCE, narrow_share=SHARE)
 
 
