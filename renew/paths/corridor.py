@@ -67,6 +67,12 @@ class Corridor:
         """Padding of each part of the voyage, or of the whole if there are no via points."""
         return self.by_part or (self.padded,)
 
+    @property
+    def ends_in_padding(self) -> tuple[bool, bool]:
+        """Whether the start, and the goal, lie in padding; turns begun in it are not judged."""
+        first, last, voyage = self.paddings[0], self.paddings[-1], self.voyage
+        return len(first.around(voyage.start).edge) > 0, len(last.around(voyage.goal).edge) > 0
+
     def part(self, at: int, voyage: Voyage) -> "Corridor":
         """Return the corridor of a part of the voyage."""
         channel = self.channel.parts[at]

@@ -100,7 +100,8 @@ class ClassSearch:
         self._too_dear: dict[Word, float] = {}
         self._slipped: dict[Word, ClassPath] = {}
         self._done: set[Word] = set()
-        self._fitted: set[Word] = set(self.found)
+        self._known = frozenset(self.found)
+        self._fitted = set(self._known)
         self._has_looked_further = False
 
     @property
@@ -254,7 +255,9 @@ class ClassSearch:
         narrow.find_first(few)
         narrow.fit(few)
         for word, found in narrow.all_found.items():
-            self._keep(word, found)
+            # Turns begun in padding around an end are not judged, and narrow padding proves little.
+            if not any(found.corridor.ends_in_padding):
+                self._keep(word, found)
 
     def _find_free_ways(self, count: int) -> None:
         """Plan ways along which turns are free, if padding costs much or shuts all ways."""
@@ -279,8 +282,10 @@ class ClassSearch:
                     self._keep(problem.word(way.path), way)
 
     def _keep(self, word: Word, found: ClassPath) -> None:
-        """Keep a path of a class if it is the best so far."""
-        if word not in self.found or found.fuel < self.found[word].fuel:
+        """Keep a path of a class if it is the best so far; a path that was known stays."""
+        if word not in self._known and (
+            word not in self.found or found.fuel < self.found[word].fuel
+        ):
             self.found[word] = found
             tell(Step("path", found.path))
 

@@ -121,12 +121,13 @@ def _fit(planner: ClassPlanner, corridor: Corridor, best: ClassPath) -> ClassPat
     """Fit the padding of pieces to turns near a path that is clear; return the cheapest such."""
     step, voyage = 1.0, corridor.voyage
     least = [_held(edges, _least(edges, planner.options), voyage) for edges in corridor.paddings]
+    most = [_most(edges, voyage) for edges in corridor.paddings]
     path = best.path
     needed, _ = _needs(planner, corridor, path)
     if _most_saved(path, corridor, needed) < _WORTHWHILE:
         return best
     for _ in range(_ROUNDS):
-        of_parts = zip(corridor.paddings, needed, least, strict=True)
+        of_parts = zip(corridor.paddings, needed, zip(least, most, strict=True), strict=True)
         toward = corridor.with_padding([_toward(*of_part, step) for of_part in of_parts])
         try:
             near = planner.near(toward, refined_path(toward, path))
@@ -181,6 +182,15 @@ def _held(edges: PaddedEdges, least: FloatArray, voyage: Voyage) -> FloatArray:
     return np.where(shapely.distance(pieces, ends) < edges.padding, edges.padding, least)
 
 
+def _most(edges: PaddedEdges, voyage: Voyage) -> FloatArray:
+    """Return the most padding (e,), m, of edges, which takes in no end that lies clear of it."""
+    ends = voyage.start, voyage.goal
+    clear = shapely.MultiPoint([end for end in ends if not len(edges.around(end).edge)])
+    pieces = shapely.linestrings(np.stack([edges.start, edges.end], axis=1))
+    # The distance from no place at all is not a number.
+    return np.asarray(np.nan_to_num(_OFF * shapely.distance(pieces, clear), nan=np.inf))
+
+
 def _most_saved(path: FloatArray, corridor: Corridor, needed: Sequence[FloatArray]) -> float:
     """Return roughly the largest share of a path's fuel (n, 2) that narrower padding may save.
 
@@ -205,11 +215,17 @@ def _needs(
     return [padding for padding, _ in needed], all(is_clear for _, is_clear in needed)
 
 
-def _toward(edges: PaddedEdges, needed: FloatArray, least: FloatArray, step: float) -> PaddedEdges:
-    """Return edges with their padding nearer by a step to what is needed, where this is known."""
+def _toward(
+    edges: PaddedEdges, needed: FloatArray, limits: tuple[FloatArray, FloatArray], step: float
+) -> PaddedEdges:
+    """Return edges with their padding nearer by a step to what is needed, where this is known.
+
+    Padding (e,), m, stays between two limits.
+    """
+    least, most = limits
     known = np.isfinite(needed)
     lacking = np.where(known, needed, edges.padding) - edges.padding
-    return _padded(edges, edges.padding + step * lacking, least)
+    return _padded(edges, np.minimum(edges.padding + step * lacking, most), least)
 
 
 def _padded(edges: PaddedEdges, turns: FloatArray, least: FloatArray) -> PaddedEdges:

@@ -159,6 +159,7 @@ class ClassPlanner:
         """Return the route along a path, with all figures, at the speeds of its profile if any."""
         corridor, path, trajectory, fuel, class_mean, profile = found
         voyage, paddings = self.problem.voyage, corridor.paddings
+        starts_in_padding, ends_in_padding = corridor.ends_in_padding
         if profile is None:
             speeds, times = np.full(len(path) - 1, voyage.vessel.speed), voyage.arrivals(path)
             duration = fuel / voyage.vessel.fuel_rate
@@ -190,8 +191,8 @@ class ClassPlanner:
             ),
             turn_padding=np.concatenate([one.turns for one in paddings]),
             harmonic_mean=class_mean,
-            starts_in_soft_no_go=len(paddings[0].around(voyage.start).edge) > 0,
-            ends_in_soft_no_go=len(paddings[-1].around(voyage.goal).edge) > 0,
+            starts_in_soft_no_go=starts_in_padding,
+            ends_in_soft_no_go=ends_in_padding,
             overpowered=hours_along(path, times, voyage) or hours_of(corridor.channel, voyage),
         )
 

@@ -9,7 +9,9 @@ import shapely
 from shapely import box
 
 import renew
-from tests.strategies import PAPER_VESSEL, Scene, random_scene
+from renew.planner import fit
+from renew.turns.padding_model import PaddedEdges
+from tests.strategies import PAPER_VESSEL, Scene, random_scene, voyage_on
 
 # A turning circle to either side of a straight way is four times v/ω wide together.
 BOTH_CIRCLES = 4 * PAPER_VESSEL.turning_radius
@@ -72,6 +74,19 @@ def test_asking_for_more_classes_or_more_risk_never_loses_the_best_way(seed: int
     least = scene.plan(classes=2).best.fuel
     assert scene.plan(classes=12).best.fuel <= least * 1.001
     assert scene.plan(classes=2, risk=0.3).best.fuel <= least * 1.001
+
+
+def test_padding_that_turns_need_does_not_grow_over_an_end() -> None:
+    # Turns that begin in padding around an end are not judged: it must not come to lie in one.
+    voyage = voyage_on(renew.Chart(box(0, 0, 100, 100), [box(20, 0, 30, 80)]), (18.0, 40.0))
+    y = np.arange(30.0, 50.0)
+    start, end = (np.column_stack([np.full(20, 20.0), y + step]) for step in (0.0, 1.0))
+    edges = PaddedEdges(start, end, np.ones(20), np.arange(20), np.ones(20))
+    limits = np.zeros(20), fit._most(edges, voyage)
+    grown = fit._toward(edges, np.full(20, 5.0), limits, 1.0)
+    assert grown.padding.max() == 5.0
+    assert grown.padding.min() == pytest.approx(0.95 * 2.0)
+    assert not len(grown.around(voyage.start).edge)
 
 
 def test_a_clearance_is_kept_where_turns_need_less() -> None:
