@@ -25,7 +25,7 @@ from renew.inputs.current import (
     as_field,
 )
 from renew.planner.fit import fitted_along
-from renew.planner.free_ways import MARGINS, FreeWays, fine_roadmap
+from renew.planner.free_ways import CELLS, MARGINS, FreeWays, fine_roadmap
 from renew.planner.plan import planner_of
 from renew.request import Request
 from renew.turns.contingency import contingency, tightest
@@ -107,7 +107,7 @@ def rehearse() -> Iterator[str]:
 def _sail_freely(chart: Chart, current: CurrentLike) -> None:
     """Plan ways of free turns, which a search takes only where padding costs much."""
     planner = planner_of(Request(chart, as_field(current), _VESSEL, np.array((_START, _GOAL))))
-    ways = FreeWays(planner.problem, fine_roadmap(planner.problem), MARGINS[0])
+    ways = FreeWays(planner.problem, fine_roadmap(planner.problem, CELLS[0]), MARGINS[0])
     for path in ways.paths(1, math.inf):
         with contextlib.suppress(InfeasibleError):
             fitted_along(planner, path, ways)

@@ -20,7 +20,7 @@ from renew.classes.dual_graph import Channel, Transition, widest_gap
 from renew.classes.h_signature import Word, shortened
 from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
 from renew.planner.fit import fitted, fitted_along
-from renew.planner.free_ways import MARGINS, FreeWays, fine_roadmap, has_fine_roadmap
+from renew.planner.free_ways import CELLS, MARGINS, FreeWays, fine_roadmap, has_fine_roadmap
 from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
@@ -264,8 +264,10 @@ class ClassSearch:
         if not self._is_padded_off:
             return
         problem = self._planner.problem
-        if has_fine_roadmap(problem):
-            graph = fine_roadmap(problem)
+        for cell in CELLS:
+            if not has_fine_roadmap(problem, cell) or (cell < CELLS[0] and self.found):
+                return
+            graph = fine_roadmap(problem, cell)
             for margin in MARGINS:
                 self._keep_ways(FreeWays(problem, graph, margin), count)
 

@@ -19,9 +19,8 @@ from renew.classes.roadmap import GOAL, START, Resolution, Roadmap
 from renew.planner.problem import Problem
 from renew.planner.turn_test import LazyLegs, TurnTest
 
-# Size of a cell, in v/ω. Cells of 0.5 led to one way more on 57 drawn waters, for thrice the time
-# of a refusal.
-_CELL = 0.8
+# Sizes of a cell, in v/ω: a finer roadmap is taken where the coarse one leads to no way.
+CELLS = 0.8, 0.5
 # Margins around land while ways are looked for, in v/ω. A way is verified with one between both:
 # the wide one leads to ways that can be verified, the narrow one to others that may be better.
 MARGINS = 0.07, 0.02
@@ -34,24 +33,24 @@ _MAX_CELLS = 20_000
 _AHEAD = ((1.02, 1.01), (1.05, 1.04), (1.2, 1.15))
 
 
-def has_fine_roadmap(problem: Problem) -> bool:
-    """Whether a problem's water can be covered with cells closer than a turning circle."""
+def has_fine_roadmap(problem: Problem, cell: float) -> bool:
+    """Whether a problem's water can be covered with cells of a size (v/ω)."""
     voyage = problem.voyage
-    is_small = _cells(problem) <= _MAX_CELLS
+    is_small = _cells(problem, cell) <= _MAX_CELLS
     return is_small and voyage.current.is_steady and not len(voyage.via)
 
 
-def _cells(problem: Problem) -> float:
-    """Return the number of cells that cover a problem's chart."""
+def _cells(problem: Problem, cell: float) -> float:
+    """Return the number of cells of a size (v/ω) that cover a problem's chart."""
     xmin, ymin, xmax, ymax = problem.voyage.chart.bounds
-    side = _CELL * problem.voyage.vessel.turning_radius
+    side = cell * problem.voyage.vessel.turning_radius
     return float((xmax - xmin) * (ymax - ymin) / side**2)
 
 
-def fine_roadmap(problem: Problem) -> Roadmap:
-    """Return a roadmap over a problem's water."""
+def fine_roadmap(problem: Problem, cell: float) -> Roadmap:
+    """Return a roadmap over a problem's water with cells of a size (v/ω)."""
     scout = problem.scout(problem.options.min_width)
-    return scout.roadmap(Resolution(round(_cells(problem)), _REACH))
+    return scout.roadmap(Resolution(round(_cells(problem, cell)), _REACH))
 
 
 class FreeWays:
