@@ -268,7 +268,7 @@ class ClassSearch:
             if not has_fine_roadmap(problem, cell) or (cell < CELLS[0] and self.found):
                 return
             graph = fine_roadmap(problem, cell)
-            for margin in MARGINS:
+            for margin in MARGINS if cell == CELLS[0] else MARGINS[-1:]:
                 self._keep_ways(FreeWays(problem, graph, margin), count)
 
     def _keep_ways(self, ways: FreeWays, count: int) -> None:

@@ -22,7 +22,8 @@ from renew.planner.turn_test import LazyLegs, TurnTest
 # Sizes of a cell, in v/ω: a finer roadmap is taken where the coarse one leads to no way.
 CELLS = 0.8, 0.5
 # Margins around land while ways are looked for, in v/ω. A way is verified with one between both:
-# the wide one leads to ways that can be verified, the narrow one to others that may be better.
+# the wide one leads to ways that can be verified, the narrow one to others that may be better, and
+# it alone is taken with the finer roadmap.
 MARGINS = 0.07, 0.02
 # To how many cells along either axis legs lead.
 _REACH = 4
