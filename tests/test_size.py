@@ -34,7 +34,7 @@ ROOMS = {
     "renew/inputs": (2_055, 23),
     "renew/kernels": (2_044, 18),
     "renew/paths": (1_810, 9),
-    "renew/planner": (2_978, 9),
+    "renew/planner": (2_979, 9),
     "renew/steering": (889, 1),
     "renew/turns": (1_566, 13),
     "renew/underway": (2_094, 12),
