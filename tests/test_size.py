@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_619, 28),
     "pipeline/scenario": (2_563, 36),
     "pipeline/serve": (1_484, 9),
-    "pipeline/sources": (9_585, 42),
+    "pipeline/sources": (9_586, 42),
     "pipeline/stages": (4_889, 15),
     "pipeline/voyage": (2_361, 9),
     "renew/bounds": (1_586, 8),

@@ -163,7 +163,7 @@ class VoyageRequest:
             most=_MAX_FILES,
             section="sources",
             help="A NetCDF, GRIB or Zarr file of currents, in place of the chosen ones; may be "
-            "repeated for files that belong together, or given as a quoted pattern: 'daily/*.nc'. "
+            "repeated for files that belong together, or given as a quoted pattern: 'daily*.nc'. "
             "Or a source of the catalogue; 'still' plans without currents.",
         ),
     ] = ()

@@ -216,6 +216,7 @@ def _credit(about: Mapping[str, Any]) -> dict[str, str]:
     )
     known = {"title": f"{place.replace('_', ' ')} ({product})", "source": _text(method)}
     if len(issued) == 14:
-        known["reference_time"] = datetime.strptime(issued, "%Y%m%d%H%M%S").isoformat()  # noqa: DTZ007
+        moment = datetime.strptime(issued, "%Y%m%d%H%M%S")  # noqa: DTZ007 - S-100's times are UTC
+        known["reference_time"] = moment.isoformat()
     datum = {key: _text(about[key]) for key in ("verticalDatum",) if key in about}
     return known | datum
