@@ -183,30 +183,42 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     assert worth["departure_plan_fuel"] > 0.999 * best.fuel
 
 
+@pytest.fixture(scope="module")
+def still(chart: Path, outputs: Path) -> Outcome:
+    """Give a voyage in still water."""
+    return voyage(chart, outputs, "still", name="again")
+
+
 @pytest.mark.usefixtures("plain_report")
 def test_what_was_made_is_a_scenario_that_gives_the_same_routes(
-    tmp_path: Path, chart: Path, outputs: Path
+    tmp_path: Path, still: Outcome
 ) -> None:
-    outcome = voyage(chart, outputs, "still", name="again")
-    _, below = season_table(outcome).split("\n\n", 1)
+    _, below = season_table(still).split("\n\n", 1)
     assert below.startswith("Current NOT known; nothing is proven")
-    made = load_scenario(str(outcome.directory / "scenario.toml"))
-    assert made == outcome.scenario
-    again = run(made, tmp_path)
-    assert metrics(again.directory) == metrics(outcome.directory)
+    made = load_scenario(str(still.directory / "scenario.toml"))
+    assert made == still.scenario
+    # How the position was read is said with the answer and in the files.
+    told = "'35,-40.06' was read as latitude, longitude"
+    again = run(made, tmp_path, said=(told,))
+    assert metrics(again.directory) == metrics(still.directory)
     assert len(metrics(again.directory)) >= 2
+    _, below = season_table(again).split("\n\n", 1)
+    assert below.count(told) == 1
+    (gpx,) = again.directory.glob("*.gpx")
+    assert told in gpx.read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("plain_report")
-def test_a_region_grows_until_the_best_route_keeps_off_its_edge(chart: Path, outputs: Path) -> None:
+def test_a_region_grows_until_the_best_route_keeps_off_its_edge(
+    still: Outcome, chart: Path, outputs: Path
+) -> None:
     """With 1.5 km of clearance the way round comes within 0.5 km of a margin of 2 km."""
-    near = voyage(chart, outputs, "still", name="near")
     wide = voyage(chart, outputs, "still", name="wide", clearance_m=1500.0)
-    assert not any("widened" in choice for choice in near.choices)
+    assert not any("widened" in choice for choice in still.choices)
     assert any("because the best route came near its" in choice for choice in wide.choices)
     assert wide.scenario.region is not None
-    assert near.scenario.region is not None
-    assert wide.scenario.region.shape.contains(near.scenario.region.shape)
+    assert still.scenario.region is not None
+    assert wide.scenario.region.shape.contains(still.scenario.region.shape)
     assert wide.scenario.planner.clearance == 1500.0
 
 
@@ -305,16 +317,3 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     # Ways past the smaller islands around it are named, too.
     assert best["way"].startswith("west of Palawan")
     assert (best["land_m"], best["collisions"]) == ("0.0", "0")
-
-
-@pytest.mark.usefixtures("plain_report")
-def test_how_a_position_was_read_stands_with_the_answer_and_in_the_files(
-    tmp_path: Path, chart: Path, outputs: Path
-) -> None:
-    scenario = voyage(chart, outputs, "still", name="as-read").scenario
-    told = "'35,-40.06' was read as latitude, longitude"
-    outcome = run(scenario, tmp_path, said=(told,))
-    _, below = season_table(outcome).split("\n\n", 1)
-    assert below.count(told) == 1
-    (gpx,) = outcome.directory.glob("*.gpx")
-    assert told in gpx.read_text(encoding="utf-8")
