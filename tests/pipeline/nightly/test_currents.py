@@ -173,6 +173,7 @@ def test_a_cycle_in_the_way_is_named_with_the_remedy(
     assert history == ["2026-11-21T00Z", "2026-11-22T00Z"]
 
 
+@pytest.mark.slow
 def test_a_clock_before_the_last_night_is_blamed_itself(
     tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,8 +6,6 @@ import csv
 import json
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -16,8 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from typer.testing import CliRunner
 
 import pipeline
+from pipeline.cli.main import app
 from pipeline.cli.reporting import outcome_json, season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.note_words import note_texts
@@ -25,6 +25,7 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from tests.commands import ended
 from tests.conftest import ROOT
+from tests.pipeline.processes import renew
 from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics, write_tide
@@ -267,27 +268,17 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
     assert not (outputs / "harbour").exists()
 
 
-def command(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return ended(
-        sys.executable,
-        "-m",
-        "pipeline.cli.main",
-        "go",
-        *map(str, words),
-        cwd=cwd,
-        env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
-    )
-
-
 def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
-    tmp_path: Path, chart: Path
+    tmp_path: Path, chart: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = command(
-        "-40.06,35.0", "-39.94,35.0", "--speed", "8kn", "--length", "12m", "--turning-circle",
-        "40m", "--currents", "still", "--charts", chart, "--json", "--name", "sail",
-        cwd=tmp_path,
+    monkeypatch.chdir(tmp_path)
+    words = (
+        "go", "-40.06,35.0", "-39.94,35.0", "--speed", "8kn", "--length", "12m",
+        "--turning-circle", "40m", "--currents", "still", "--charts", str(chart), "--json",
+        "--name", "sail",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.stderr
     outcome = json.loads(done.stdout)
     directory = tmp_path / "outputs" / "sail"
     assert (outcome["scenario"], outcome["directory"]) == ("sail", str(directory))
@@ -305,10 +296,12 @@ def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
 @pytest.mark.slow
 def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     """As a new user types it, without an account and without the network."""
-    done = command(
-        "120.30,12.80", "116.80,7.70", "--vessel", "usv-7m", "--month", "2024-07", "--offline",
+    done = ended(
+        *renew("go", "120.30,12.80", "116.80,7.70", "--vessel", "usv-7m", "--month", "2024-07"),
+        "--offline",
         cwd=tmp_path,
-    )  # fmt: skip
+        env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
+    )
     assert done.returncode == 0, done.stderr
     assert "Region 116." in done.stdout
     assert "offing of 69" in done.stdout
