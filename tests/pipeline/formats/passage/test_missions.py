@@ -296,6 +296,7 @@ def test_no_more_rally_points_than_an_autopilot_holds(tmp_path: Path) -> None:
     assert len(found) == RALLY_BYTES // RALLY_POINT
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_havens_behind_islands_are_refused(seed: int, tmp_path: Path) -> None:
     result = runs.random_run(seed)
