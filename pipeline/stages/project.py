@@ -168,7 +168,8 @@ def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Wate
     original, second_shore = (
         tuple(in_plane(polygons, projection)) for polygons in (land.polygons, land.second_shore)
     )
-    chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
+    extent = extent_polygon(region, projection)
+    chart = renew.Chart(extent, no_go, land=inner_land, point_scale=projection.scale_at)
     water = Water(
         chart,
         original,

@@ -110,4 +110,6 @@ def stretched(case: Case) -> Case:
 
     plane = case.projection
     other = Stretched(plane.crs, plane.scale, plane.central_longitude)
-    return replace(case, water=replace(case.water, projection=other))
+    given = case.water.chart
+    chart = renew.Chart(given.extent, given.no_go, point_scale=other.scale_at)
+    return replace(case, water=replace(case.water, chart=chart, projection=other))
