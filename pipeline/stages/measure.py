@@ -249,8 +249,7 @@ def land_within_reach(
     near = land[shapely.intersects(zone, land)]
     crosses = ~shapely.covers(zone, near)
     near[crosses] = shapely.intersection(near[crosses], zone)
-    within, scale = list(extract_polygons(near)), water.chart.point_scale
-    return renew.Chart(water.chart.extent, within, point_scale=scale)
+    return water.chart.with_no_go(extract_polygons(near))
 
 
 def _sampled(turns: renew.Contingency) -> renew.Contingency:
@@ -378,7 +377,7 @@ def _least_fuel(case: Case, options: PlannerOptions, clearance: float, arrive_by
 def _land_alone(chart: renew.Chart) -> renew.Chart:
     """Return the chart of the original land, for which the bound is computed."""
     land = shapely.difference(chart.extent, chart.open_water)
-    return renew.Chart(chart.extent, [land], point_scale=chart.point_scale)
+    return chart.with_no_go([land])
 
 
 def clock_worth(case: Case, result: CaseResult, options: PlannerOptions) -> ClockWorth | None:

@@ -80,7 +80,6 @@ class Chart:
         """Islands that distinguish classes, by kind: land, then the areas of `without`; they are
         numbered in this order."""
         self._land = bare
-        self.point_scale = point_scale
         self.metres, self.metres_in = _metres(point_scale, self.bounds)
         if self.water.is_empty:
             raise GeometryError(
@@ -97,9 +96,7 @@ class Chart:
         """
         areas = list(areas)
         bare = list(self.no_go if self._land is None else self._land)
-        other = Chart(self.extent, [*self.no_go, *areas], bare + areas if is_land else bare)
-        other.point_scale = self.point_scale
-        other.metres, other.metres_in = self.metres, self.metres_in
+        other = self.with_no_go([*self.no_go, *areas], bare + areas if is_land else bare)
         # An area that touches land forms one obstacle with it, which keeps the land's number.
         merged = _polygons(shapely.union_all(np.array(areas, dtype=object)))
         land = shapely.union_all(np.array(sum(self.islands, ()), dtype=object))
@@ -128,6 +125,14 @@ class Chart:
         Where the plane stretches them less, they are too wide: by as much as its scale varies.
         """
         return replace(vessel, turn_rate=vessel.turn_rate * float(self.metres.min()))
+
+    def with_no_go(
+        self, no_go: Iterable[Polygon], land: Iterable[Polygon] | None = None
+    ) -> "Chart":
+        """Return a chart of other no-go and land (m) in the same extent and plane."""
+        other = Chart(self.extent, no_go, land)
+        other.metres, other.metres_in = self.metres, self.metres_in
+        return other
 
     def with_open_water(self, water: shapely.Geometry) -> "Chart":
         """Return the chart with other water (m) for the bound on fuel."""
