@@ -18,7 +18,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.geo.coast import shore_to_shore
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
-from pipeline.model.inputs import Note, Place
+from pipeline.model.inputs import Note, Place, Zone
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
@@ -178,6 +178,7 @@ class Case:
         tide that tidal water needs includes the `under_keel_clearance_m`.
     speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
     members : the currents whose mean is the current.
+    lanes : traffic lanes that no route may sail against.
     before : the plan that the vessel sails, if it is planned again under way, from `start` on.
     follows : name of the case that ends at the anchorage where this one begins; or "".
     """
@@ -196,6 +197,7 @@ class Case:
     under_keel_clearance_m: float = 0.0
     speeds: SpeedChoice | None = None
     members: MemberCurrents | None = None
+    lanes: tuple[Zone, ...] = ()
     before: VoyageBefore | None = None
     follows: str = ""
 
@@ -334,5 +336,5 @@ def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew
     On a chart, a run has chosen the clearance before this call. In a planar scenario, a clearance
     that the options leave out is 0.
     """
-    given = {**options.model_dump(exclude={"snap"}), "clearance": options.clearance or 0.0}
+    given = {**options.model_dump(exclude={"snap", "lanes"}), "clearance": options.clearance or 0.0}
     return renew.PlanOptions(**given, min_lateness=min_lateness)

@@ -18,6 +18,7 @@ from pipeline.model import (
 )
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.lanes import keeping_lanes
 from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
 from renew.errors import Duration, Length, Text, TooLateError
@@ -65,6 +66,16 @@ def planned(
     havens: Sequence[renew.Haven] = (),
 ) -> CaseResult:
     """Plan a case, without the measures of its routes; see `plan_case`."""
+    return keeping_lanes(case, lambda one: _planned(one, options, on_step, havens))
+
+
+def _planned(
+    case: Case,
+    options: PlannerOptions,
+    on_step: OnStep,
+    havens: Sequence[renew.Haven],
+) -> CaseResult:
+    """Plan a case once."""
     started = time.perf_counter()
     asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
     ensemble = again = None
