@@ -1,6 +1,7 @@
 """Plan the best route of one homotopy class: padding, path, trajectory, and simulated turns."""
 
 import contextlib
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,6 +30,7 @@ from renew.planner.grow import (
     steered_with_room,
 )
 from renew.planner.hindrances import hours_along, hours_of, with_clearance
+from renew.planner.narrow_water import Tight, shortfalls, steered_tightly, with_room
 from renew.planner.problem import Problem
 from renew.planner.sampled_paths import sampled_paths
 from renew.results import Route, Step, tell
@@ -51,7 +53,7 @@ class ClassPath(NamedTuple):
     """The best path (n, 2) of a class, its trajectory (m, 4), its fuel and its corridor.
 
     `harmonic_mean` is the value by which its class is chosen. `profile` has the speeds along the
-    path if the vessel chooses speeds.
+    path if the vessel chooses speeds. Stretches `tight` are steered as if the vessel turned faster.
     """
 
     corridor: Corridor
@@ -60,6 +62,7 @@ class ClassPath(NamedTuple):
     fuel: float
     harmonic_mean: float
     profile: SpeedProfile | None = None
+    tight: tuple[Tight, ...] = ()
 
 
 class ClassPlanner:
@@ -88,7 +91,7 @@ class ClassPlanner:
             voyage.vessel,
             replace(problem.options, risk=risk),
         )
-        self.growth = PaddingGrowth(problem, self._model, are_fitted=narrow)
+        self.growth = PaddingGrowth(problem, self._model, are_fitted=narrow or problem.falls_short)
 
     @property
     def options(self) -> PlanOptions:
@@ -146,6 +149,7 @@ class ClassPlanner:
             lambda found: self.growth.shortfall(found.corridor, found.path),
             lambda wider, found: self._found(wider, found.path),
             _MAX_ROUNDS,
+            is_enough=self.problem.falls_short,
         )
 
     def near(self, corridor: Corridor, path: FloatArray) -> ClassPath:
@@ -157,7 +161,7 @@ class ClassPlanner:
 
     def route(self, found: ClassPath) -> Route:
         """Return the route along a path, with all figures, at the speeds of its profile if any."""
-        corridor, path, trajectory, fuel, class_mean, profile = found
+        corridor, path, trajectory, fuel, class_mean, profile, tight = found
         voyage, paddings = self.problem.voyage, corridor.paddings
         starts_in_padding, ends_in_padding = corridor.ends_in_padding
         if profile is None:
@@ -194,6 +198,9 @@ class ClassPlanner:
             starts_in_soft_no_go=starts_in_padding,
             ends_in_soft_no_go=ends_in_padding,
             overpowered=hours_along(path, times, voyage) or hours_of(corridor.channel, voyage),
+            shortfalls=(
+                shortfalls(path, tight, self.problem, speeds) if self.options.may_fall_short else ()
+            ),
         )
 
     def unpadded_fuel(self, channel: Channel) -> float:
@@ -216,9 +223,13 @@ class ClassPlanner:
 
         def padded(own: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
             edges = self._beside(own, voyage, path)
-            return with_clearance(
+            wide = with_clearance(
                 edges, options.clearance, options.narrow_share, own, voyage, triangulation
             )
+            if not self.problem.falls_short:
+                return wide
+            least = options.clearance if options.narrow_share == 1.0 else 0.0
+            return with_room(wide, own, voyage, triangulation, least)
 
         return self._corridor(channel, padded)
 
@@ -242,6 +253,14 @@ class ClassPlanner:
             open_outline=triangulation.open_outline(region),
             padded=padded[0],
         )
+        if self.problem.falls_short:
+            # The pieces of each part are edges of their own.
+            ends = np.cumsum([0, *(len(one.edge) for one in padded)])
+            padded = [
+                replace(one, edge=np.arange(begin, end))
+                for one, (begin, end) in zip(padded, itertools.pairwise(ends), strict=True)
+            ]
+            corridor = replace(corridor, is_fitted=True)
         return corridor.with_padding(padded)
 
     def _beside(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
@@ -320,7 +339,13 @@ class ClassPlanner:
         """Steer a path (n, 2) found in the corridor, or in `used` with more padding."""
         makes_room = self.is_thorough and used.polar == corridor.polar
         steered = steered_with_room if makes_room else steered_as_it_is
-        used, path, trajectory = steered(used, path)
+        tight: tuple[Tight, ...] = ()
+        try:
+            used, path, trajectory = steered(used, path)
+        except InfeasibleError:
+            if not self.problem.falls_short:
+                raise
+            path, trajectory, tight = steered_tightly(path, used, self.problem.triangulation)
         self.check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
         if not math.isfinite(fuel):
@@ -330,7 +355,8 @@ class ClassPlanner:
             # Across a current, a path may be steerable at the highest speed but not at a lower one.
             profile = speed_profile(path, self.problem.voyage)
             steer_as_drawn(profile.path, used, profile.speeds)
-        return ClassPath(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
+        used = replace(used, polar=corridor.polar)
+        return ClassPath(used, path, trajectory, fuel, fuel, tight=tight)
 
     def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
         """Whether a path (n, 2) is of a corridor's class."""
@@ -378,10 +404,13 @@ def grown_until_clear(
     plan_again: Callable[[Corridor, ClassPath], ClassPath],
     most: int,
     turns: str = "hard-over turns",
+    *,
+    is_enough: bool = False,
 ) -> ClassPath:
     """Grow a path's padding until it is enough; `plan_again` plans near the last path.
 
-    Raises InfeasibleError if padding is still too small after `most` rounds.
+    Raises InfeasibleError if padding is still too small after `most` rounds, or shuts the way; if
+    as much as there is room for `is_enough`, the last path is returned then.
     """
     for rounds_left in reversed(range(most)):
         short = shortfall(found)
@@ -389,7 +418,14 @@ def grown_until_clear(
             return found
         if rounds_left:
             tell(Step("padding"))
-            found = plan_again(grown(found.corridor, short), found)
+            try:
+                found = plan_again(grown(found.corridor, short), found)
+            except InfeasibleError:
+                if not is_enough:
+                    raise
+                return found
+    if is_enough:
+        return found
     raise InfeasibleError(
         f"its path is still not clear of {turns} in the last of {most} rounds of growing padding"
     )
