@@ -84,7 +84,10 @@ class PaddingGrowth:
             return None
         own_speeds = corridor.voyage.cut_speeds(path, speeds)
         return _any(
-            colliding_edges(piece, [part.voyage], part.padded, self.problem.reach, own)
+            growable(
+                part.padded,
+                colliding_edges(piece, [part.voyage], part.padded, self.problem.reach, own),
+            )
             for (part, piece), own in zip(corridor.parts(path), own_speeds, strict=True)
         )
 
@@ -113,9 +116,7 @@ class PaddingGrowth:
         voyage, padded = corridor.voyage, corridor.padded
         reach = self.problem.reach
         short = colliding_edges(path, voyages, padded, reach, is_fitted=self.are_fitted)
-        if short and self.problem.falls_short:
-            may_grow = growable(padded, short[0])
-            short = (short[0][may_grow], short[1][may_grow]) if may_grow.any() else None
+        short = growable(padded, short)
         if short or self.options.risk_at == "route":
             return short
         return risky_edges(

@@ -22,7 +22,7 @@ import numpy as np
 import shapely
 from shapely.ops import substring
 
-from renew._types import BoolArray, FloatArray, IntArray
+from renew._types import FloatArray, IntArray
 from renew.classes.dual_graph import Channel
 from renew.classes.triangulation import Triangulation
 from renew.errors import InfeasibleError
@@ -35,6 +35,7 @@ from renew.results import Shortfall
 from renew.steering.steer_in_corridor import steer_in_corridor
 from renew.turns.padding_model import PaddedEdges
 from renew.turns.verification import free_shares
+from renew.voyage.fuel import speeds_along
 from renew.voyage.voyage import Voyage
 
 # Steps in which padding yields, and of the turning circle for which there is room.
@@ -81,7 +82,10 @@ def with_room(
         halves = replace(long, end=middle), replace(long, start=middle)
         pieces = PaddedEdges.stacked([pieces.select(~is_long), *halves])
     apart = distances_from(pieces, tree, reach)
-    most = np.maximum(np.minimum(_SHARE * apart, apart - 3 * slack).clip(min=0.0), least)
+    # Paths keep off padding by the slack. Where there is less room, padding is below 0 by a part of
+    # it, which counts as none.
+    room = np.maximum(apart - 3 * slack, apart / 2 - slack)
+    most = np.maximum(np.minimum(_SHARE * apart, room), least)
     padding = np.minimum(pieces.padding, most)
     return replace(pieces, padding=padding, turns=np.minimum(pieces.turns, padding), most=most)
 
@@ -205,11 +209,11 @@ def _steered_in_pieces(
 
 
 def shortfalls(
-    path: FloatArray, tight: Sequence[Tight], problem: Problem, speeds: FloatArray | None = None
+    path: FloatArray, tight: Sequence[Tight], problem: Problem, speeds: FloatArray
 ) -> tuple[Shortfall, ...]:
     """Return the stretches of a path (n, 2) without room for a hard-over turn.
 
-    Legs are sailed at the vessel's speed, or at speeds (n - 1,) m/s.
+    Legs are sailed at speeds (n - 1,) m/s. A turn at a lower speed than the vessel's needs less.
     """
     voyage, edges = problem.voyage, problem.triangulation.constrained_edges
     along, share = free_shares(path, voyage.in_members, edges, problem.reach, speeds)
@@ -217,7 +221,9 @@ def shortfalls(
         inside = (along >= one.begin) & (along <= one.end)
         share[inside] = np.minimum(share[inside], _in_steps(1 / one.factor))
     places = shapely.line_interpolate_point(shapely.LineString(path), along)
-    needed = problem.reach(shapely.get_coordinates(places))
+    points = shapely.get_coordinates(places)
+    slower = speeds_along(points, path, speeds) / voyage.vessel.speed
+    needed = problem.reach(points) * slower
     found, short = list[Shortfall](), np.flatnonzero(share < 1)
     apart = along[short[1:]] - along[short[:-1]] > NEEDED * voyage.vessel.turning_radius
     for run in np.split(short, 1 + np.flatnonzero(apart)) if len(short) else ():
@@ -232,8 +238,13 @@ def _in_steps(share: float) -> float:
     return math.floor(share / _STEP) * _STEP
 
 
-def growable(padded: PaddedEdges, edges: IntArray) -> BoolArray:
-    """Whether the padding of edges, by their numbers, may grow."""
+def growable(
+    padded: PaddedEdges, short: tuple[IntArray, FloatArray] | None
+) -> tuple[IntArray, FloatArray] | None:
+    """Return of edges and the padding that they lack, m, those whose padding may grow, if any."""
+    if short is None or not padded.yields:
+        return short
     order = np.argsort(padded.edge, kind="stable")
-    row = order[np.searchsorted(padded.edge, edges, sorter=order)]
-    return np.asarray(padded.padding[row] < padded.most[row])
+    row = order[np.searchsorted(padded.edge, short[0], sorter=order)]
+    grow = padded.padding[row] < padded.most[row]
+    return (short[0][grow], short[1][grow]) if grow.any() else None

@@ -149,7 +149,6 @@ class ClassPlanner:
             lambda found: self.growth.shortfall(found.corridor, found.path),
             lambda wider, found: self._found(wider, found.path),
             _MAX_ROUNDS,
-            is_enough=self.problem.falls_short,
         )
 
     def near(self, corridor: Corridor, path: FloatArray) -> ClassPath:
@@ -191,7 +190,10 @@ class ClassPlanner:
             homotopy=name(self.problem.word(path)),
             corners=corridor.corners,
             padding_used=np.vstack(
-                [np.column_stack([one.start, one.end, one.padding]) for one in paddings]
+                [
+                    np.column_stack([one.start, one.end, one.padding.clip(min=0.0)])
+                    for one in paddings
+                ]
             ),
             turn_padding=np.concatenate([one.turns for one in paddings]),
             harmonic_mean=class_mean,
@@ -228,7 +230,7 @@ class ClassPlanner:
             )
             if not self.problem.falls_short:
                 return wide
-            least = options.clearance if options.narrow_share == 1.0 else 0.0
+            least = options.clearance if options.narrow_share == 1.0 else -math.inf
             return with_room(wide, own, voyage, triangulation, least)
 
         return self._corridor(channel, padded)
@@ -404,14 +406,13 @@ def grown_until_clear(
     plan_again: Callable[[Corridor, ClassPath], ClassPath],
     most: int,
     turns: str = "hard-over turns",
-    *,
-    is_enough: bool = False,
 ) -> ClassPath:
     """Grow a path's padding until it is enough; `plan_again` plans near the last path.
 
-    Raises InfeasibleError if padding is still too small after `most` rounds, or shuts the way; if
-    as much as there is room for `is_enough`, the last path is returned then.
+    Raises InfeasibleError if padding is still too small after `most` rounds, or shuts the way. In
+    narrow water the last path is returned then: as much as there is room for is enough.
     """
+    is_enough = found.corridor.padded.yields
     for rounds_left in reversed(range(most)):
         short = shortfall(found)
         if short is None:

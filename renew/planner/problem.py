@@ -167,7 +167,9 @@ class Problem:
 
     def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
         """Return the enumerator of a voyage, or a part of it, without via points."""
-        slack, rays = SLACK * voyage.vessel.turning_radius, self.all_rays
+        # Where no share of the padding can be kept, a way may lead through any gap.
+        slack = SLACK * voyage.vessel.turning_radius if self.kept else 0.0
+        rays = self.all_rays
         order, water = self.options.order, self.triangulation
         try:
             roomy = NEEDED * voyage.vessel.turning_radius if self.falls_short else 0.0

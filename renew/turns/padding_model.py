@@ -97,6 +97,11 @@ class PaddedEdges:
             self.most[row],
         )
 
+    @property
+    def yields(self) -> bool:
+        """Whether some of it leaves a way through narrow water."""
+        return bool(np.isfinite(self.most).any())
+
     def around(self, point: FloatArray) -> "PaddedEdges":
         """Return only the edges whose padding reaches over a point (2,)."""
         return self.select(segment_distance(point, self.start, self.end) < self.padding)
