@@ -90,7 +90,7 @@ def plan_by_renew(result: RunResult, arrive_by_s: float) -> renew.Plan:
         case.vessel,
         case.start,
         case.goal,
-        **{**result.scenario.planner.model_dump(exclude={"snap"}), "clearance": 100.0},
+        **{**result.scenario.planner.model_dump(exclude={"snap", "lanes"}), "clearance": 100.0},
         min_lateness=3600.0,
         speed=SPEEDS,
         arrive_by=arrive_by_s,
