@@ -298,8 +298,8 @@ class VoyageRequest:
             section="stations",
             label="Station of the tide",
             example="None",
-            help="Tide station of the catalogue, or a file of harmonic constants; may be "
-            "repeated. Needs {draught}, {depart} and a chart with depths.",
+            help="Tide station of the catalogue, a file of harmonic constants, or official water "
+            "levels (S-104); may be repeated. Needs {draught}, {depart} and a chart with depths.",
         ),
     ] = ()
     members: Annotated[

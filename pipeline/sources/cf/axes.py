@@ -23,7 +23,6 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values, reading
-from pipeline.sources.current_field import SURFACE_DEPTH_M
 from pipeline.texts import clean
 
 if TYPE_CHECKING:
@@ -40,8 +39,10 @@ _AXIS_NAMES = {
     "time": {"time", "month", "time_counter", "valid_time"},
     "level": {"depth", "deptht", "lev", "level", "elevation", "z", "zlev"},
 }
-# Depth down to which the uppermost level stands for the surface, m; below SURFACE_DEPTH_M with a
-# note.
+SURFACE_DEPTH_M = 2.0
+"""Depth above which a level counts as the surface, m: the uppermost level of ocean models is 0.5 to
+1.5 m deep."""
+# Depth down to which the uppermost level stands for the surface with a note, m.
 _MAX_DEPTH_M = 20.0
 # Units of a depth.
 _METRES = ("m", "meter", "meters", "metre", "metres", "dbar", "decibar")
