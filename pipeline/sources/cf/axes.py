@@ -86,7 +86,8 @@ def grid_fault(array: "xr.DataArray", pole: str = "") -> str:
     dims = ", ".join(f"{dim} ({size})" for dim, size in array.sizes.items())
     return (
         f"{array.name} is along {dims}, and nothing says at which longitude and latitude its "
-        "values are; give the file with its lon and lat, on axes or for each point"
+        "values are; give the file with its lon and lat, on axes or for each point, or the file "
+        "of its grid beside it"
         + (
             f"; or take {pole} away, a mapping with a pole of its own, if it is none"
             if pole

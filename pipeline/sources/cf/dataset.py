@@ -140,6 +140,31 @@ def open_dataset(path: Path) -> "xr.Dataset":
     return dataset
 
 
+def open_together(path: Path, beside: Sequence[Path]) -> "xr.Dataset":
+    """Open a file with what others add to it; ValueError where one of them can't be opened.
+
+    Tiles of S-100 become one mesh of points. Any other file lends the variables that this one
+    lacks and has the dimensions for: its mesh, its positions, its mask.
+    """
+    opened = [open_dataset(one) for one in (path, *beside)]
+    if s100.is_from_s100(opened[0]):
+        return s100.joined(opened) if beside else opened[0]
+    whole, *lenders = opened
+    for lender in lenders:
+        lent = {
+            name: variable
+            for name, variable in lender.variables.items()
+            if name not in whole.variables
+            and all(whole.sizes.get(dim, size) == size for dim, size in variable.sizes.items())
+        }
+        whole = whole.assign(lent)
+    stack = contextlib.ExitStack()
+    for one in opened:
+        stack.callback(one.close)
+    whole.set_close(stack.close)
+    return whole
+
+
 def _converted(path: Path) -> "xr.Dataset | None":
     """Return a dataset made of a file of another format, GRIB or S-100; None for all others."""
     if is_grib(path):
