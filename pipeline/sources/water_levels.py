@@ -7,6 +7,7 @@ the lowest level of the nodes around it, up to two cells from the water: the mod
 coarser than a chart's coast.
 """
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -99,8 +100,10 @@ class LevelZone:
 
 
 def has_levels(path: Path) -> bool:
-    """Whether a path is that of an S-100 file."""
-    return path.is_file() and is_s100(path)
+    """Whether a path is that of an S-100 file; False for what is no path."""
+    with contextlib.suppress(OSError):  # a name may be too long for one
+        return path.is_file() and is_s100(path)
+    return False
 
 
 def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:

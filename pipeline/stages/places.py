@@ -492,8 +492,7 @@ def _next_hours(
 def _check_datum(chart: ChartSpec, land: Land, stations: Sequence[Station]) -> None:
     """Refuse a chart without depths, and depths and tides that are not counted from one datum."""
     stated, faults = chart.datum, list[str]()
-    # A grid does not state its datum, whatever the cells beside it state.
-    datum = stated or ("" if chart.depths else land.datum)
+    datum = land.datum or ("" if chart.depths else stated)
     if land.depths is None:
         raise RequestError(
             "[tide] needs a chart with depths; give S-57 cells (chart.source, --charts) or a grid "

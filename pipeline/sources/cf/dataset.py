@@ -29,7 +29,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.machine.workers import Worker, WorkerEndedError
-from pipeline.sources.cf import grib, s100
+from pipeline.sources.cf import grib, rasters, s100
 from pipeline.texts import acts, clean
 
 if TYPE_CHECKING:
@@ -48,14 +48,12 @@ _MAX_AXIS = 500_000
 _MAX_CHUNK_BYTES = 512 << 20
 # Other files by the bytes they begin with: what they are, and the command that makes one that is
 # read.
-_TIFF = ("GeoTIFF", "gdal_translate -of netCDF {name} {stem}.nc")
 _OTHERS = {
     b"\x1f\x8b": ("packed (gzip)", "gunzip -k {name}"),
     b"BZh": ("packed (bzip2)", "bunzip2 -k {name}"),
     b"PK\x03\x04": ("packed (zip)", "unzip {name}"),
     b"\xfd7zXZ": ("packed (xz)", "unxz -k {name}"),
     b"(\xb5/\xfd": ("packed (zstd)", "unzstd {name}"),
-    **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), _TIFF),
 }
 # Kinds of NumPy types that are numbers.
 _NUMBERS = "iuf"
@@ -166,14 +164,18 @@ def open_together(path: Path, beside: Sequence[Path]) -> "xr.Dataset":
 
 
 def _converted(path: Path) -> "xr.Dataset | None":
-    """Return a dataset made of a file of another format, GRIB or S-100; None for all others."""
+    """Return a dataset made of a file of another format; None for NetCDF and Zarr."""
     if is_grib(path):
         grib.require_library()
         with reading():
             read = grib.read_fields(path)
         return grib.as_dataset(path, read)
     with reading():
-        return s100.as_dataset(path) if path.is_file() and s100.is_s100(path) else None
+        if not path.is_file():
+            return None
+        if s100.is_s100(path):
+            return s100.as_dataset(path)
+        return rasters.as_dataset(path) if rasters.is_raster(path) else None
 
 
 def _other_kind(path: Path) -> str:

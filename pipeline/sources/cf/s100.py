@@ -40,6 +40,9 @@ _BELOW_SURFACE = 2
 _MAX_VALUES = 1 << 27
 # Triangles with an edge of this multiple of the median edge join points across land.
 _LONGEST_EDGE = 2.5
+_NORTH, _EAST = {"units": "degrees_north"}, {"units": "degrees_east"}
+# EPSG's code of degrees, WGS 84.
+_DEGREES = 4326
 # Attributes of a dataset: what S-100 it is from, and its time of issue.
 _KIND = "productSpecification"
 _ISSUED = "reference_time"
@@ -180,28 +183,31 @@ def _places(
 ) -> tuple[tuple[str, ...], tuple[dict[str, Any], dict[str, Any]]]:
     """Return the dimensions of values, and the coordinates and corners of cells for them."""
     attributes = instance.attrs
-    degrees = ({"units": "degrees_north"}, {"units": "degrees_east"})
     if coding == _POINTS:
         points = instance["Positioning/geometryValues"][:]
         lon, lat = (np.asarray(points[name], float) for name in ("longitude", "latitude"))
-        placed = {"lat": ("node", lat, degrees[0]), "lon": ("node", lon, degrees[1])}
-        return ("time", "node"), (placed, {"corners": (("cell", "corner"), *_mesh_of(lon, lat))})
-    axes = [
+        nodes = {"lat": ("node", lat, _NORTH), "lon": ("node", lon, _EAST)}
+        return ("time", "node"), (nodes, {"corners": (("cell", "corner"), *_mesh_of(lon, lat))})
+    axes: list[FloatArray] = [
         float(attributes[f"gridOrigin{axis}itude"])
         + float(attributes[f"gridSpacing{axis}itudinal"])
-        * np.arange(int(attributes[f"numPoints{axis}itudinal"]))
+        * np.arange(float(attributes[f"numPoints{axis}itudinal"]))
         for axis in ("Lat", "Long")
     ]
-    crs = int(file.attrs.get("horizontalCRS", file.attrs.get("horizontalDatumValue", 4326)))
-    if crs == 4326:
-        placed = {"lat": ("lat", axes[0], degrees[0]), "lon": ("lon", axes[1], degrees[1])}
-        return ("time", "lat", "lon"), (placed, {})
-    from pyproj import Transformer
+    crs = int(file.attrs.get("horizontalCRS", file.attrs.get("horizontalDatumValue", _DEGREES)))
+    dims, coordinates = placed(axes[1], axes[0], crs)
+    return ("time", *dims), (coordinates, {})
 
-    x, y = np.meshgrid(axes[1], axes[0])
-    lon, lat = Transformer.from_crs(crs, "OGC:CRS84", always_xy=True).transform(x, y)
-    places = {"lat": (("y", "x"), lat, degrees[0]), "lon": (("y", "x"), lon, degrees[1])}
-    return ("time", "y", "x"), (places, {})
+
+def placed(x: FloatArray, y: FloatArray, crs: Any) -> tuple[tuple[str, ...], dict[str, Any]]:  # noqa: ANN401 - what pyproj takes
+    """Return dimensions and coordinates of a grid with axes x (nx,) and y (ny,) in a CRS."""
+    from pyproj import CRS, Transformer
+
+    if CRS.from_user_input(crs).equals(CRS.from_epsg(_DEGREES), ignore_axis_order=True):
+        return ("lat", "lon"), {"lat": ("lat", y, _NORTH), "lon": ("lon", x, _EAST)}
+    turned = Transformer.from_crs(crs, "OGC:CRS84", always_xy=True)
+    lon, lat = turned.transform(*np.meshgrid(x, y))
+    return ("y", "x"), {"lat": (("y", "x"), lat, _NORTH), "lon": (("y", "x"), lon, _EAST)}
 
 
 def _mesh_of(lon: FloatArray, lat: FloatArray) -> tuple[IndexArray, dict[str, str]]:

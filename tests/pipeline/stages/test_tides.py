@@ -229,11 +229,11 @@ def test_what_does_not_fit_the_tide_is_refused(
     assert not (tmp_path / "outputs" / "bar").exists()
 
 
-def test_a_grid_beside_cells_does_not_take_their_datum(tmp_path: Path) -> None:
+def test_depths_without_a_datum_are_refused(tmp_path: Path) -> None:
     data = scenario_data(tmp_path)
     data["chart"] = {**data["chart"], "datum": ""}
     scenario = parse_scenario(data, tmp_path)
-    cells = Land((), (), 5.0, depths=DepthCover(()), datum="MLLW")
+    cells = Land((), (), 5.0, depths=DepthCover(()))
     simplified = SimplifiedLand((), (), 0, 0, 5.0, 5.0)
     region = shapely.box(*BOX)
     water = Water(renew.Chart(region), (), Projection.for_region(region))
