@@ -36,6 +36,7 @@ from pipeline.sources.cf.axes import grid_fault
 from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset, reading
 from pipeline.sources.cf.fields import find_window, read_window
 from pipeline.sources.cf.mesh import SourceMesh
+from pipeline.sources.cf.s100 import option_of
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.land.s57 import DATUMS
@@ -253,7 +254,8 @@ def _variable(dataset: "xr.Dataset") -> tuple[str, float | None]:
     )
     if signs:
         raise ValueError(f"it has several grids of depths ({listed}); keep one of them")
-    raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}")
+    hint = option_of(dataset)
+    raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}{hint}")
 
 
 def _named_sign(name: str, array: "xr.DataArray") -> float | None:

@@ -23,7 +23,7 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import shown
 from pipeline.sources.cf.axes import merge_steps, read_steps, reference_time, time_axis
 from pipeline.sources.cf.dataset import fatal_files, open_dataset, reading
-from pipeline.sources.cf.s100 import is_s100
+from pipeline.sources.cf.s100 import is_s100, option_of
 from pipeline.sources.land.s57 import DATUMS
 
 if TYPE_CHECKING:
@@ -141,7 +141,8 @@ def _is_same_grid(one: "xr.Dataset", other: "xr.Dataset") -> bool:
 def _check(dataset: "xr.Dataset") -> None:
     """Raise ValueError for a dataset without levels of several hours, of a known datum, in m."""
     if _VARIABLE not in dataset.data_vars:
-        raise ValueError("it is S-100 without water levels; give S-104, or a station's file")
+        hint = option_of(dataset)
+        raise ValueError(f"it has no water levels; give S-104, or a station's file{hint}")
     array = dataset[_VARIABLE]
     if array.dims[0] != "time" or array.ndim != 3 or array.sizes["time"] < 2:
         raise ValueError("its levels are not of several hours on a grid; give S-104 of format 2")

@@ -463,7 +463,8 @@ def _contents(
     try:
         pair, notes = _find_pair(list(datasets.values()), asked)
     except ValueError as error:
-        raise RequestError(f"{name_of(files)}: {error}{_groups_hint(files)}") from None
+        hint = s100.option_of(next(iter(datasets.values()))) or _groups_hint(files)
+        raise RequestError(f"{name_of(files)}: {error}{hint}") from None
     beside = dict(_together(datasets, {name for _, name in pair}))
     faults: list[str] = []
     components_of: tuple[list[Component], list[Component]] = ([], [])

@@ -16,7 +16,6 @@ to 4 bytes. No library does this: SciPy, which maps the whole file, does not kno
 
 import contextlib
 import math
-import shlex
 import struct
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -40,21 +39,13 @@ if TYPE_CHECKING:
 _HEADER_BYTES = 100
 # First bytes of a NetCDF 4 file.
 _HDF5 = b"\x89HDF"
+_NEITHER = "it is neither NetCDF, Zarr, GRIB, S-100, BAG nor GeoTIFF; convert it to NetCDF"
 # Files that make a folder a Zarr store.
 _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 # Largest number of values of an axis: 57 years of hours, or cells of 80 m round the world.
 _MAX_AXIS = 500_000
 # Largest size of a chunk, bytes: one value of it can't be read without all of it.
 _MAX_CHUNK_BYTES = 512 << 20
-# Other files by the bytes they begin with: what they are, and the command that makes one that is
-# read.
-_OTHERS = {
-    b"\x1f\x8b": ("packed (gzip)", "gunzip -k {name}"),
-    b"BZh": ("packed (bzip2)", "bunzip2 -k {name}"),
-    b"PK\x03\x04": ("packed (zip)", "unzip {name}"),
-    b"\xfd7zXZ": ("packed (xz)", "unxz -k {name}"),
-    b"(\xb5/\xfd": ("packed (zstd)", "unzstd {name}"),
-}
 # Kinds of NumPy types that are numbers.
 _NUMBERS = "iuf"
 # Kinds of NumPy types that are text.
@@ -109,7 +100,7 @@ def open_dataset(path: Path) -> "xr.Dataset":
     with reading():
         store = _store(path)
     if store is None:
-        raise ValueError(_other_kind(path))
+        raise ValueError(_NEITHER)
     try:
         with reading():
             variables = store.get_variables()
@@ -176,15 +167,6 @@ def _converted(path: Path) -> "xr.Dataset | None":
         if s100.is_s100(path):
             return s100.as_dataset(path)
         return rasters.as_dataset(path) if rasters.is_raster(path) else None
-
-
-def _other_kind(path: Path) -> str:
-    """Say what kind of file one is that is not read, with the remedy."""
-    for begin, (kind, command) in _OTHERS.items():
-        if _first_bytes(path).startswith(begin):
-            done = command.format(name=shlex.quote(path.name), stem=shlex.quote(path.stem))
-            return f"it is {kind}; give the file that `{done}` makes of it"
-    return "it is neither NetCDF, Zarr, GRIB nor S-100; convert it to NetCDF"
 
 
 def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a store's type is

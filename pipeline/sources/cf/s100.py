@@ -108,6 +108,13 @@ def is_from_s100(dataset: "xr.Dataset") -> bool:
     return _KIND in dataset.attrs
 
 
+def option_of(dataset: "xr.Dataset") -> str:
+    """Say where an S-100 dataset is to be given; "" for others."""
+    options = {"surfaceCurrentSpeed": "currents", "waterLevelHeight": "tide", "depth": "depths"}
+    option = next((own for name, own in options.items() if name in dataset.data_vars), "")
+    return f"; it is for --{option}" if option and is_from_s100(dataset) else ""
+
+
 def joined(tiles: "Sequence[xr.Dataset]") -> "xr.Dataset":
     """Return tiles of the same times as one mesh of all their points.
 

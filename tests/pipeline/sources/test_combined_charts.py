@@ -279,7 +279,7 @@ def test_a_curvilinear_grid_text_and_damage_are_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.nc").write_bytes(whole[: len(whole) // 2])
     for name, reason in (
         ("bent.nc", "nothing says at which longitude"),
-        ("text.nc", "neither NetCDF, Zarr, GRIB nor"),
+        ("text.nc", "neither NetCDF, Zarr, GRIB, S-100, BAG nor"),
         ("cut.nc", "bytes before its last value"),
         ("absent.nc", "does not exist"),
     ):
