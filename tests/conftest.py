@@ -9,7 +9,6 @@ import os
 import socket
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -113,10 +112,11 @@ def once(
     folder = (base.parent if is_one_of_several else base) / name
     with file_lock(folder.with_suffix(".lock"), wait_s=WAIT_S) as held:
         assert held
-        if not folder.exists():
-            filling = Path(tempfile.mkdtemp(dir=folder.parent))
-            make(filling)
-            filling.rename(folder)
+        made = folder.with_suffix(".made")
+        if not made.exists():
+            folder.mkdir(exist_ok=True)
+            make(folder)
+            made.touch()
     return folder
 
 

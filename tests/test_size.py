@@ -15,7 +15,7 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_430, 27),
+    "renew": (1_460, 28),
     "pipeline": (1_120, 12),
     "pipeline/cli": (2_610, 6),
     "pipeline/findings": (3_553, 17),
@@ -30,18 +30,18 @@ ROOMS = {
     "pipeline/stages": (4_889, 15),
     "pipeline/voyage": (2_361, 9),
     "renew/bounds": (1_586, 8),
-    "renew/classes": (2_392, 14),
-    "renew/inputs": (2_055, 23),
+    "renew/classes": (2_417, 14),
+    "renew/inputs": (2_077, 23),
     "renew/kernels": (2_044, 18),
-    "renew/paths": (1_810, 9),
-    "renew/planner": (2_979, 9),
+    "renew/paths": (1_832, 9),
+    "renew/planner": (3_338, 10),
     "renew/steering": (889, 1),
-    "renew/turns": (1_566, 13),
+    "renew/turns": (1_635, 13),
     "renew/underway": (2_094, 12),
-    "renew/vary": (1_817, 9),
+    "renew/vary": (1_825, 9),
     "renew/voyage": (750, 5),
 }
-MOST_FILES = 218
+MOST_FILES = 219
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 531)}
 

@@ -237,13 +237,27 @@ def harmonic_mean(fuels: FloatArray) -> float:
     return float(len(fuels) / (1 / fuels).sum())
 
 
+# Ratio to the least fuel up to which a route is chosen for more room to turn.
+_MUCH_MORE = 1.2
+# Ratio to the least length without room up to which another route is as short.
+_AS_SHORT = 1.1
+
+
 def chosen_class(routes: Sequence[Route]) -> int:
     """Return the index of the route whose class has the least harmonic mean (h* of the paper).
 
     The optimal method has one path per class, whose fuel is the harmonic mean. So it chooses the
-    least-fuel route.
+    least-fuel route. Where the water is narrow, it chooses the one with the least shortfall of
+    those that don't need much more.
     """
-    return min(range(len(routes)), key=lambda i: routes[i].harmonic_mean)
+    every = range(len(routes))
+    most = _MUCH_MORE * min(route.harmonic_mean for route in routes)
+    near = [at for at in every if routes[at].harmonic_mean <= most]
+    worst = min(routes[at].lacking[0] for at in near)
+    near = [at for at in near if routes[at].lacking[0] == worst]
+    longest = _AS_SHORT * min(routes[at].lacking[1] for at in near)
+    near = [at for at in near if routes[at].lacking[1] <= longest]
+    return min(near, key=lambda at: routes[at].harmonic_mean)
 
 
 # Number of sampled chains, least fuel first, that are tried for steering.

@@ -455,8 +455,8 @@ def _searched(
     search = ClassSearch(
         planner, {word: kept}, lambda channel: fuel_estimate(planner.unpadded, channel) / enough
     )
-    voyage, options = planner.problem.voyage, planner.options
-    enumerator = planner.problem.enumerator(options.likely_width(voyage.vessel.turning_radius))
+    voyage = planner.problem.voyage
+    enumerator = planner.problem.enumerator(planner.problem.likely_width)
     quickest = enumerator.channels(1)
     if quickest:
         rough = voyage.fuel(quickest[0].rough_path(voyage.start, voyage.goal))

@@ -11,6 +11,7 @@ from pipeline.machine.store import Store
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
+from tests.conftest import once
 from tests.pipeline.kept_land_mask import keep_land_mask
 from tests.pipeline.voyage import sailing
 
@@ -35,8 +36,8 @@ def across_outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of results of a voyage in a tide, planned once."""
-    return sailing.make(tmp_path_factory.mktemp("sailing"))
+    """Return the folder of results of a voyage in a tide, planned once for all processes."""
+    return sailing.results_in(once(tmp_path_factory, "sailing", sailing.make))
 
 
 @pytest.fixture

@@ -236,7 +236,7 @@ def test_a_stronger_following_current_never_costs_more_fuel(
     assert all(stronger <= weaker * (1 + 1e-5) for weaker, stronger in itertools.pairwise(fuels))
 
 
-@examples(4, 8)
+@examples(2, 8)
 @example(towards=0.0, peak=0.2, wave_length=120.0, phase=0.0, later=0.2)
 @example(towards=0.0, peak=0.05, wave_length=120.0, phase=0.0, later=0.3)
 @given(

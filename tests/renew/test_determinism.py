@@ -42,6 +42,9 @@ CASES: dict[str, Callable[[], renew.Plan]] = {
     "islands, distinct": partial(islands, classes=4, padding="none", distinct_by=20.0),
 }
 
+FEW = ("adaptive", "islands, distinct")
+"""What the gate plans again."""
+
 
 def digest(plan: renew.Plan) -> str:
     """Hash of all figures, shapes and texts of a plan."""
@@ -59,9 +62,9 @@ def digest(plan: renew.Plan) -> str:
     return hashed.hexdigest()
 
 
-def digests() -> dict[str, str]:
-    """Hash of every case's plan."""
-    return {name: digest(make()) for name, make in CASES.items()}
+def digests(*names: str) -> dict[str, str]:
+    """Hash of the plans of some cases, or of every case."""
+    return {name: digest(CASES[name]()) for name in names or CASES}
 
 
 @pytest.fixture(scope="module")
@@ -75,19 +78,29 @@ def test_different_plans_have_different_hashes(here: dict[str, str]) -> None:
     assert digest(gyre(method="sampled", samples=100, seed=8)) != here["sampled"]
 
 
-def test_two_threads_that_plan_at_once_do_not_disturb_each_other(here: dict[str, str]) -> None:
+@pytest.mark.parametrize("names", [FEW, pytest.param((), marks=pytest.mark.slow)])
+def test_two_threads_that_plan_at_once_do_not_disturb_each_other(
+    here: dict[str, str], names: tuple[str, ...]
+) -> None:
     with ThreadPoolExecutor(2) as pool:
-        both = [pool.submit(digests) for _ in range(2)]
-    assert [done.result() for done in both] == [here, here]
+        both = [pool.submit(digests, *names) for _ in range(2)]
+    expected = {name: here[name] for name in names or CASES}
+    assert [done.result() for done in both] == [expected, expected]
 
 
-@pytest.mark.gate_share(1)
-@pytest.mark.parametrize(("threads", "hash_seed"), [(1, 1), (2, 4242)])
+@pytest.mark.parametrize(
+    ("threads", "hash_seed", "names"),
+    [
+        (1, 1, FEW),
+        pytest.param(1, 2, (), marks=pytest.mark.slow),
+        pytest.param(2, 4242, (), marks=pytest.mark.slow),
+    ],
+)
 def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
-    threads: int, hash_seed: int, here: dict[str, str], root: Path
+    threads: int, hash_seed: int, names: tuple[str, ...], here: dict[str, str], root: Path
 ) -> None:
     limits = dict.fromkeys(THREAD_LIMITS, str(threads))
-    program = "from tests.renew.test_determinism import digests; print(digests())"
+    program = f"from tests.renew.test_determinism import digests; print(digests(*{names}))"
     done = ran(
         *PYTHON,
         program,
@@ -95,7 +108,7 @@ def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
         env={**os.environ, **limits, "PYTHONHASHSEED": str(hash_seed)},
         timeout=300,
     )
-    assert done.strip() == str(here)
+    assert done.strip() == str({name: here[name] for name in names or CASES})
 
 
 def test_the_compiler_changes_nothing(root: Path) -> None:

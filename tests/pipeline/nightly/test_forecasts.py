@@ -124,6 +124,7 @@ def test_members_are_earlier_forecasts_of_the_same_time_and_spread_as_errors_gro
     assert {"members_count", "members_flips", "members_sides"} <= set(head)
 
 
+@pytest.mark.slow
 def test_the_first_night_plans_in_its_only_forecast(tmp_path: Path, cluster: str) -> None:
     config = kept_night(tmp_path / "kept")
     issue(tmp_path / "kept" / "tonight.nc", 0)

@@ -318,7 +318,15 @@ def is_tried(path: Path) -> bool:
 
 
 # What belongs to the process itself: names of its services, not of a file's addresses.
-_TRACED = ("strace", "-f", "-qq", "-e", "trace=open,openat,openat2,creat,socket,connect", "-o")
+_TRACED = (
+    "strace",
+    "-f",
+    "--seccomp-bpf",
+    "-qq",
+    "-e",
+    "trace=open,openat,openat2,creat,socket,connect",
+    "-o",
+)
 
 
 def test_havens_beside_a_fifo_are_refused_at_once(tmp_path: Path) -> None:

@@ -160,7 +160,16 @@ def test_the_hours_when_the_current_shuts_water_are_reported() -> None:
     assert note_texts(overpowering_notes(known, REGION, 2.0, departure)) == []
 
 
-def test_the_hours_when_a_class_is_shut_are_reported_as_dates() -> None:
+@pytest.mark.parametrize(
+    ("leaves", "begins"),
+    [
+        (75.0, "tide: the current shuts water for a while on the way of route 1 at ("),
+        pytest.param(
+            105.0, "tide: no route was found where the current shuts", marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_the_hours_when_a_class_is_shut_are_reported_as_dates(leaves: float, begins: str) -> None:
     """The tide of a strait, read at the place and at the two times that the note names."""
     chart = renew.Chart(shapely.box(0, -60, 200, 100), [*STRAIT.no_go])
 
@@ -171,31 +180,24 @@ def test_the_hours_when_a_class_is_shut_are_reported_as_dates() -> None:
     departure = datetime(2026, 11, 22, 6, tzinfo=UTC)
     plain = small_run.parts(planar=True).planned["gyre"]
     case = replace(plain, name="tide", current=current, departure=departure)
-    plans = [
-        CaseResult("tide", renew.plan(
-            chart, current, PAPER_VESSEL, (10, 50), (190, 50), departure=at, lateness=0.25,
-            padding="none",
-        ), "", 0.0)
-        for at in (75.0, 105.0)
-    ]  # fmt: skip
-    through, around = plans
-    note, *_ = note_texts(waiting_notes([(case, through)]))
-    assert note.startswith("tide: the current shuts water for a while on the way of route 1 at (")
-    assert note.endswith("The routes are the best without waiting")
-    (other,) = note_texts(waiting_notes([(case, around)]))
-    assert other.startswith("tide: no route was found where the current shuts")
-    for text in (note, other):
-        place = re.search(r"at \((\d[\d.]*), (\d[\d.]*)\) m from", text)
-        assert place is not None
-        x, y = map(float, place.groups())
-        times = re.findall(r"2026-11-22 06:(\d\d):(\d\d) UTC", text)[:2]
-        strength = [
-            float(
-                np.linalg.norm(
-                    tide_of_the_strait(np.array([x, y]), np.array(60.0 * int(m) + int(s) + later))
-                )
+    plan = renew.plan(
+        chart, current, PAPER_VESSEL, (10, 50), (190, 50), departure=leaves, lateness=0.25,
+        padding="none",
+    )  # fmt: skip
+    text, *_ = note_texts(waiting_notes([(case, CaseResult("tide", plan, "", 0.0))]))
+    assert text.startswith(begins)
+    assert text.endswith("The routes are the best without waiting")
+    place = re.search(r"at \((\d[\d.]*), (\d[\d.]*)\) m from", text)
+    assert place is not None
+    x, y = map(float, place.groups())
+    times = re.findall(r"2026-11-22 06:(\d\d):(\d\d) UTC", text)[:2]
+    strength = [
+        float(
+            np.linalg.norm(
+                tide_of_the_strait(np.array([x, y]), np.array(60.0 * int(m) + int(s) + later))
             )
-            for (m, s), later in zip((*times, *times), (-2, 2, 2, -2), strict=True)
-        ]
-        assert max(strength[:2]) < 0.97 < min(strength[2:])
+        )
+        for (m, s), later in zip((*times, *times), (-2, 2, 2, -2), strict=True)
+    ]
+    assert max(strength[:2]) < 0.97 < min(strength[2:])
     assert note_texts(waiting_notes([(case, CaseResult("tide", None, "no water", 0.0))])) == []

@@ -22,7 +22,7 @@ from pipeline.stages.project import stirred
 from tests.pipeline.formats.page import Page
 from tests.pipeline.small_plane import small_plane
 
-SPEC = {"spread": 0.1, "eddy_km": 0.05, "count": 8}
+SPEC = {"spread": 0.1, "eddy_km": 0.05, "count": 5}
 
 
 def table(members: dict[str, Any] | None = None, **season: Any) -> dict[str, Any]:  # noqa: ANN401 - keys of TOML
@@ -80,7 +80,7 @@ def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, fo
     assert found is not None
     with (folder / "members" / "ensemble.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 8 * len(result.routes)
+    assert len(rows) == 5 * len(result.routes)
     members = result.planned["still"].members
     assert members is not None
     currents = dict(zip(found.names, members.currents, strict=True))
@@ -96,10 +96,10 @@ def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, fo
         best = [one["is_best"] for one in rows if one["rank"] == row["rank"]]
         assert float(row["members_mean_fuel"]) == pytest.approx(np.mean(own))
         assert float(row["members_cvar90_fuel"]) == pytest.approx(max(own))
-        assert float(row["members_share"]) == pytest.approx(best.count("True") / 8)
+        assert float(row["members_share"]) == pytest.approx(best.count("True") / 5)
     first, sides = metrics[0], [one.metrics.main_passage for one in result.routes]
     best_in = [sides[int(one["rank"]) - 1] for one in rows if one["is_best"] == "True"]
-    assert first["members_count"] == "8"
+    assert first["members_count"] == "5"
     assert int(first["members_flips"]) == sum(side != sides[0] for side in best_in)
     assert float(first["members_gap"]) == found.gap("mean")
     assert float(first["members_waiting_saves"]) == found.waiting_saves >= 0
@@ -109,14 +109,14 @@ def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, fo
     turns = [
         int(row["trials"]) / result.routes[int(row["rank"]) - 1].metrics.length_m for row in metrics
     ]
-    assert turns[0] == pytest.approx(9 * turns[1], rel=0.05)
+    assert turns[0] == pytest.approx(6 * turns[1], rel=0.05)
     assert all(row["collisions"] == "0" for row in metrics)
 
 
 def test_the_report_says_how_sure_the_side_is(result: RunResult) -> None:
     said = ensemble_text(result.case("still"))
     assert said[0].startswith(("Surely ", "Too close to call between "))
-    assert "of 8 members" in said[0]
+    assert "of 5 members" in said[0]
     page = Page(render(gather(result)))
     for sentence in said:
         assert sentence in page.root.text

@@ -307,6 +307,7 @@ def test_a_plan_without_a_clock_is_sailed_in_time() -> None:
     assert speeds_in_time(route, current, choice, 0.3 * route.duration, "crab") is None
 
 
+@pytest.mark.slow
 def test_a_refusal_of_the_planner_is_reported_for_the_season() -> None:
     """Whether or not renew plans speeds where currents change, a reason or a route is given."""
     result = planned()

@@ -28,7 +28,13 @@ def make(folder: Path) -> Path:
     """Plan a voyage, and return the folder of its results."""
     file = scenario_file(folder)
     asked = load_scenario(str(file))
-    return run(asked, folder / "outputs", offline=True, origin=ScenarioFile.read(file)).directory
+    run(asked, folder / "outputs", offline=True, origin=ScenarioFile.read(file))
+    return results_in(folder)
+
+
+def results_in(folder: Path) -> Path:
+    """Return the folder of the voyage's results in that where it was planned."""
+    return folder / "outputs" / NAME
 
 
 def copied(results: Path, folder: Path) -> Path:

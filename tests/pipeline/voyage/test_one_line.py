@@ -6,8 +6,6 @@ import csv
 import json
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -16,8 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from typer.testing import CliRunner
 
 import pipeline
+from pipeline.cli.main import app
 from pipeline.cli.reporting import outcome_json, season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.note_words import note_texts
@@ -25,6 +25,7 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from tests.commands import ended
 from tests.conftest import ROOT
+from tests.pipeline.processes import renew
 from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics, write_tide
@@ -183,30 +184,42 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     assert worth["departure_plan_fuel"] > 0.999 * best.fuel
 
 
+@pytest.fixture(scope="module")
+def still(chart: Path, outputs: Path) -> Outcome:
+    """Give a voyage in still water."""
+    return voyage(chart, outputs, "still", name="again")
+
+
 @pytest.mark.usefixtures("plain_report")
 def test_what_was_made_is_a_scenario_that_gives_the_same_routes(
-    tmp_path: Path, chart: Path, outputs: Path
+    tmp_path: Path, still: Outcome
 ) -> None:
-    outcome = voyage(chart, outputs, "still", name="again")
-    _, below = season_table(outcome).split("\n\n", 1)
+    _, below = season_table(still).split("\n\n", 1)
     assert below.startswith("Current NOT known; nothing is proven")
-    made = load_scenario(str(outcome.directory / "scenario.toml"))
-    assert made == outcome.scenario
-    again = run(made, tmp_path)
-    assert metrics(again.directory) == metrics(outcome.directory)
+    made = load_scenario(str(still.directory / "scenario.toml"))
+    assert made == still.scenario
+    # How the position was read is said with the answer and in the files.
+    told = "'35,-40.06' was read as latitude, longitude"
+    again = run(made, tmp_path, said=(told,))
+    assert metrics(again.directory) == metrics(still.directory)
     assert len(metrics(again.directory)) >= 2
+    _, below = season_table(again).split("\n\n", 1)
+    assert below.count(told) == 1
+    (gpx,) = again.directory.glob("*.gpx")
+    assert told in gpx.read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("plain_report")
-def test_a_region_grows_until_the_best_route_keeps_off_its_edge(chart: Path, outputs: Path) -> None:
+def test_a_region_grows_until_the_best_route_keeps_off_its_edge(
+    still: Outcome, chart: Path, outputs: Path
+) -> None:
     """With 1.5 km of clearance the way round comes within 0.5 km of a margin of 2 km."""
-    near = voyage(chart, outputs, "still", name="near")
     wide = voyage(chart, outputs, "still", name="wide", clearance_m=1500.0)
-    assert not any("widened" in choice for choice in near.choices)
+    assert not any("widened" in choice for choice in still.choices)
     assert any("because the best route came near its" in choice for choice in wide.choices)
     assert wide.scenario.region is not None
-    assert near.scenario.region is not None
-    assert wide.scenario.region.shape.contains(near.scenario.region.shape)
+    assert still.scenario.region is not None
+    assert wide.scenario.region.shape.contains(still.scenario.region.shape)
     assert wide.scenario.planner.clearance == 1500.0
 
 
@@ -255,27 +268,17 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
     assert not (outputs / "harbour").exists()
 
 
-def command(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return ended(
-        sys.executable,
-        "-m",
-        "pipeline.cli.main",
-        "go",
-        *map(str, words),
-        cwd=cwd,
-        env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
-    )
-
-
 def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
-    tmp_path: Path, chart: Path
+    tmp_path: Path, chart: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = command(
-        "-40.06,35.0", "-39.94,35.0", "--speed", "8kn", "--length", "12m", "--turning-circle",
-        "40m", "--currents", "still", "--charts", chart, "--json", "--name", "sail",
-        cwd=tmp_path,
+    monkeypatch.chdir(tmp_path)
+    words = (
+        "go", "-40.06,35.0", "-39.94,35.0", "--speed", "8kn", "--length", "12m",
+        "--turning-circle", "40m", "--currents", "still", "--charts", str(chart), "--json",
+        "--name", "sail",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.stderr
     outcome = json.loads(done.stdout)
     directory = tmp_path / "outputs" / "sail"
     assert (outcome["scenario"], outcome["directory"]) == ("sail", str(directory))
@@ -293,10 +296,12 @@ def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
 @pytest.mark.slow
 def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     """As a new user types it, without an account and without the network."""
-    done = command(
-        "120.30,12.80", "116.80,7.70", "--vessel", "usv-7m", "--month", "2024-07", "--offline",
+    done = ended(
+        *renew("go", "120.30,12.80", "116.80,7.70", "--vessel", "usv-7m", "--month", "2024-07"),
+        "--offline",
         cwd=tmp_path,
-    )  # fmt: skip
+        env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
+    )
     assert done.returncode == 0, done.stderr
     assert "Region 116." in done.stdout
     assert "offing of 69" in done.stdout
@@ -305,16 +310,3 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     # Ways past the smaller islands around it are named, too.
     assert best["way"].startswith("west of Palawan")
     assert (best["land_m"], best["collisions"]) == ("0.0", "0")
-
-
-@pytest.mark.usefixtures("plain_report")
-def test_how_a_position_was_read_stands_with_the_answer_and_in_the_files(
-    tmp_path: Path, chart: Path, outputs: Path
-) -> None:
-    scenario = voyage(chart, outputs, "still", name="as-read").scenario
-    told = "'35,-40.06' was read as latitude, longitude"
-    outcome = run(scenario, tmp_path, said=(told,))
-    _, below = season_table(outcome).split("\n\n", 1)
-    assert below.count(told) == 1
-    (gpx,) = outcome.directory.glob("*.gpx")
-    assert told in gpx.read_text(encoding="utf-8")

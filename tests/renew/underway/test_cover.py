@@ -174,6 +174,7 @@ def test_up_to_a_last_place_the_vessel_can_change_to_each_other_class(dearer_by:
         assert rate * (later - route.times[0]) + min(fuels, default=math.inf) > most * 0.99
 
 
+@pytest.mark.slow
 def test_late_vessels_are_covered_in_a_current_that_changes() -> None:
     chart = renew.Chart(box(0, 0, 400, 100), [box(150, 30, 170, 60)])
     against = renew.UniformCurrent(0.5, 0.0)

@@ -106,6 +106,7 @@ def test_quantities_are_formatted_as_in_the_tables(browser: Browser) -> None:
     page.close()
 
 
+@pytest.mark.slow
 def test_seasons_switch(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     before = {pane: drawn(page, pane) for pane in ("routes", "currents", "land")}
@@ -332,6 +333,7 @@ def test_without_scripts_the_static_pictures_are_shown(reader: Reader, file: Pat
     assert page.locator(".plots svg").first.is_visible()
 
 
+@pytest.mark.slow
 def test_a_planar_scenario_has_positions_in_metres(
     reader: Reader, planar_result: RunResult, tmp_path: Path
 ) -> None:
