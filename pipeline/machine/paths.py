@@ -27,8 +27,9 @@ _PACKED = (
     (b"\xfd7zXZ", "xz", "unxz -k"),
     (b"(\xb5/\xfd", "zstd", "unzstd"),
 )
-# What a tar archive has at a place of its own, and the endings of packed ones.
-_TAR, _TAR_AT = b"ustar", 257
+# What a tar archive has, the byte at which it has it, and the endings of packed ones.
+_TAR = b"ustar"
+_TAR_AT = 257
 _TAR_ENDS = re.compile(r"\.(tar\.\w+|t[gbx]z2?)$", re.IGNORECASE)
 # An address, also one that was taken for a path below a folder.
 _ADDRESS = re.compile(r"(^|/)(https?|ftps?|s3|gs|file):/", re.IGNORECASE)

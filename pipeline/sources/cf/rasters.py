@@ -26,13 +26,20 @@ if TYPE_CHECKING:
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _HDF5 = b"\x89HDF"
-# Tags of a TIFF: bands, position by a scale and a point or by a matrix, keys, GDAL's remarks.
-_BANDS, _SCALE, _POINT, _MATRIX, _KEYS, _REMARKS, _NO_DATA = (
-    *(277, 33550, 33922),
-    *(34264, 34735, 42112, 42113),
-)
-# Keys of a GeoTIFF: whether a value is that of a point, EPSG codes.
-_RASTER_TYPE, _GEOGRAPHIC, _PROJECTED, _VERTICAL = 1025, 2048, 3072, 4096
+# Tags of a TIFF: its bands; its position, by a scale and a point or by a matrix; its keys.
+_BANDS = 277
+_SCALE = 33550
+_POINT = 33922
+_MATRIX = 34264
+_KEYS = 34735
+# GDAL's own tags: remarks, and the value that stands for none.
+_REMARKS = 42112
+_NO_DATA = 42113
+# Keys: whether a value is that of a point, and EPSG codes.
+_RASTER_TYPE = 1025
+_GEOGRAPHIC = 2048
+_PROJECTED = 3072
+_VERTICAL = 4096
 _IS_POINT = 2
 _OWN_CRS = 32767
 # Largest number of values: 0.5 GB.

@@ -40,7 +40,8 @@ _BELOW_SURFACE = 2
 _MAX_VALUES = 1 << 27
 # Triangles with an edge of this multiple of the median edge join points across land.
 _LONGEST_EDGE = 2.5
-_NORTH, _EAST = {"units": "degrees_north"}, {"units": "degrees_east"}
+_NORTH = {"units": "degrees_north"}
+_EAST = {"units": "degrees_east"}
 # EPSG's code of degrees, WGS 84.
 _DEGREES = 4326
 # Attributes of a dataset: what S-100 it is from, and its time of issue.
