@@ -207,9 +207,11 @@ def _given(**entries: object) -> dict[str, Any]:
 
 def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
     """Return the tables of a scenario that name files: chart, areas to avoid, havens and tide."""
+    depths = request.depths or {}
     chart = _given(
         source=list(request.charts),
-        depths=request.depths and str(request.depths),
+        depths=depths.get("path"),
+        depths_positive=depths.get("positive"),
         datum=request.datum,
     )
     limits = _given(within=request.within, endurance=request.endurance)
