@@ -27,7 +27,7 @@ from renew.inputs.current import (
 from renew.inputs.openings import Haven, LeastWater, ShutArea, TidalArea, TidalDepth
 from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
-from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
+from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, Shortfall, TradeOff
 from renew.turns.contingency import Contingency, Tightest, contingency, tightest
 from renew.underway.assess import AssessedPath, assess
 from renew.underway.cover import cover
@@ -70,6 +70,7 @@ __all__ = [
     "Rejected",
     "Replanned",
     "Route",
+    "Shortfall",
     "ShutArea",
     "ShutInMember",
     "StartInNoGoError",

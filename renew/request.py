@@ -43,6 +43,7 @@ class Request:
     speed : lowest and highest speed (m/s), if the vessel chooses speeds.
     members : if the current is the mean of an ensemble, the fields in which turns are to be clear.
     like : a request in the same water and current; what its planners know is shared.
+    falls_short : whether padding keeps only as much as there is room for.
     planners : what plans the classes; see :func:`renew.planner.plan.planner_of`.
     """
 
@@ -58,6 +59,7 @@ class Request:
     speed: Speeds | None = None
     members: tuple[CurrentField, ...] = ()
     like: "Request | None" = None
+    falls_short: bool = False
     planners: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -139,7 +141,7 @@ class Request:
         """Return the voyage in some waters, with a vessel whose speed is the highest to choose."""
         voyage = Voyage(
             waters,
-            vessel,
+            self.chart.turning(vessel),
             self.stops[0],
             self.stops[-1],
             self.options.drift,

@@ -55,6 +55,24 @@ class OverpoweredHours(NamedTuple):
         return from_until(self.begin, self.end, on=" on")
 
 
+class Shortfall(NamedTuple):
+    """A stretch of a route on which not every hard-over turn is free, from `begin` to `end`.
+
+    Both are metres along the route's path. A full turn there needs up to `needed` metres to a side;
+    at the tightest place there is room for a turn that needs `kept` metres, in steps of 5 %: in
+    still water these are the diameter of the turning circle, and of the one that fits.
+    """
+
+    begin: float
+    end: float
+    needed: float
+    kept: float
+
+
+# Steps of the share that falls short, by which routes are compared.
+_STEPS = 20
+
+
 @dataclass(frozen=True, eq=False)
 class Route:
     """The least-fuel path found in one homotopy class.
@@ -83,6 +101,8 @@ class Route:
     overpowered : water on the class's way that the current shuts for a while, in the order in which
         it is passed: the route is the best without waiting.
     least_water : where the tide exceeds the need least; None without tidal depths on the way.
+    shortfalls : stretches without room for a hard-over turn, in order; known if the plan may keep
+        less than the padding (`shortfall="least"`), and empty where every turn is free.
     """
 
     path: FloatArray
@@ -103,6 +123,7 @@ class Route:
     ends_in_soft_no_go: bool
     overpowered: tuple[OverpoweredHours, ...] = ()
     least_water: LeastWater | None = None
+    shortfalls: tuple[Shortfall, ...] = ()
     _zone: list[shapely.Geometry] = field(default_factory=list, init=False, repr=False)
 
     @cached_property
@@ -117,6 +138,12 @@ class Route:
         if not self._zone:
             unite_soft_no_go([self])
         return self._zone[0]
+
+    @property
+    def lacking(self) -> tuple[int, float]:
+        """The greatest share of a turn for which there is no room, in steps, and metres of it."""
+        worst = max((1 - one.kept / one.needed for one in self.shortfalls), default=0.0)
+        return round(_STEPS * worst), sum(one.end - one.begin for one in self.shortfalls)
 
     @property
     def fuel_per_distance(self) -> float:

@@ -15,35 +15,35 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_430, 27),
+    "renew": (1_465, 28),
     "pipeline": (1_120, 12),
-    "pipeline/cli": (2_610, 6),
-    "pipeline/findings": (3_553, 17),
-    "pipeline/formats": (7_822, 15),
-    "pipeline/geo": (850, 4),
-    "pipeline/machine": (1_627, 10),
-    "pipeline/model": (1_467, 34),
-    "pipeline/nightly": (3_619, 28),
-    "pipeline/scenario": (2_563, 36),
+    "pipeline/cli": (2_612, 6),
+    "pipeline/findings": (3_557, 17),
+    "pipeline/formats": (7_825, 15),
+    "pipeline/geo": (854, 4),
+    "pipeline/machine": (1_661, 10),
+    "pipeline/model": (1_405, 34),
+    "pipeline/nightly": (3_620, 28),
+    "pipeline/scenario": (2_574, 36),
     "pipeline/serve": (1_484, 9),
-    "pipeline/sources": (9_586, 42),
-    "pipeline/stages": (4_889, 15),
-    "pipeline/voyage": (2_361, 9),
-    "renew/bounds": (1_586, 8),
-    "renew/classes": (2_392, 14),
-    "renew/inputs": (2_055, 23),
-    "renew/kernels": (2_044, 18),
-    "renew/paths": (1_810, 9),
-    "renew/planner": (2_979, 9),
-    "renew/steering": (889, 1),
-    "renew/turns": (1_566, 13),
-    "renew/underway": (2_094, 12),
-    "renew/vary": (1_817, 9),
-    "renew/voyage": (750, 5),
+    "pipeline/sources": (10_208, 44),
+    "pipeline/stages": (4_992, 15),
+    "pipeline/voyage": (2_367, 9),
+    "renew/bounds": (1_603, 8),
+    "renew/classes": (2_418, 14),
+    "renew/inputs": (2_151, 23),
+    "renew/kernels": (2_107, 18),
+    "renew/paths": (1_843, 9),
+    "renew/planner": (3_341, 10),
+    "renew/steering": (896, 1),
+    "renew/turns": (1_635, 13),
+    "renew/underway": (2_096, 12),
+    "renew/vary": (1_825, 9),
+    "renew/voyage": (769, 5),
 }
-MOST_FILES = 218
+MOST_FILES = 221
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 531)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 532)}
 
 
 def modules(room: str) -> dict[Path, str]:

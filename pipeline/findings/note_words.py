@@ -300,8 +300,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "tide-too-low": _tide_too_low,
     "tide-unknown": "water as at {place} is deep enough for some hours only, and no station counts "
-    "there: the nearest is more than 10 km away by water. Routes keep off it; add a station, "
-    "or give one a zone in a TOML file",
+    "there: the nearest is more than 10 km away by water, and no official levels reach so far. "
+    "Routes keep off it; add a station, or give one a zone in a TOML file",
     "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
     "unit-assumed": "{variable} has no unit: m/s is assumed",
     "unit-converted": "{variable} is in {unit}: converted to m/s",
@@ -344,6 +344,14 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "stop-moved": "{stop} lies on land: it was moved {moved_m:distance} to {place}, the nearest "
     "water that joins start and goal; planner.snap (--snap) sets how far, and 0 means not at all",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
+    "levels-below-tide": "within 10 km of {station} the official levels are for {share:.0%} of the "
+    "water at some hour more than {surge_m:g} m lower than its tide, by up to {most_m:.2f} m: the "
+    "levels count where they reach, and beyond them that tide may be as much too high",
+    "levels-relied-on": lambda source, begin, until: (
+        f"the height of the water is that of {source} at each place and hour, from "
+        f"{text.moment_text(begin)} until {text.moment_text(until)}; outside these hours the lowest"
+        " of its levels counts"
+    ),
     "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "
     "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "
     "error of soundings is not taken off",
@@ -355,8 +363,11 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
     "area-shut": _area_shut,
-    "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: no "
-    "lane is kept in planning",
+    "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: "
+    "vessels under 20 m need not keep lanes, unless planner.lanes = true, and others do where "
+    "there is a way that does",
+    "lane-kept": "a way of less fuel sails against the {lane}: the routes keep out of it "
+    "(COLREGS rule 10; planner.lanes = false asks for no lane)",
     "canal-left-out": "the {canal} joins start and goal, and no route leads through it: canals are "
     "land in this chart, or too narrow to turn in. Between its ends at {begin} and {end} the way "
     "through it has about {way_m:distance}",

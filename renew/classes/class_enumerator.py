@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import Channel, RoughPath, Transition, is_connected, simple_paths
@@ -58,18 +59,24 @@ from renew.voyage.voyage import Voyage
 _MAX_STEPS = 1_000_000
 # Least size, in cells, of the islands that distinguish paths in a search on a finer roadmap.
 _WIDE = 2.0
+# How many times as much a leg without any room costs beside its own cost, where water is narrow.
+_DEARER = 3.0
 # Largest number of steps of the depth-first search, which looks at triangles one by one.
 _MAX_DEPTH_FIRST_STEPS = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class _Roads:
-    """Roadmaps of the water for one order of classes, `clearance` m off land."""
+    """Roadmaps of the water for one order of classes, `clearance` m off land.
+
+    Legs with less room than `roomy` m cost more.
+    """
 
     voyage: Voyage
     triangulation: Triangulation
     order: Order
     clearance: float
+    roomy: float = 0.0
 
     @cached_property
     def everywhere(self) -> Roadmap:
@@ -99,7 +106,7 @@ class _Roads:
 
     def roadmap(self, voyage: Voyage, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
         """Return nodes over the water, or in a tube."""
-        return roadmap(
+        graph = roadmap(
             voyage,
             self.triangulation,
             self.stream(voyage).table,
@@ -107,6 +114,22 @@ class _Roads:
             resolution=resolution,
             tube=tube,
         )
+        return self._dearer_in_narrows(graph) if self.roomy else graph
+
+    def _dearer_in_narrows(self, graph: Roadmap) -> Roadmap:
+        """Return a roadmap whose legs take longer the less room they have, so that few are used."""
+        room = np.full(len(graph.points), self.roomy)
+        near, apart = self.triangulation.constrained_edge_tree.query_nearest(
+            shapely.points(graph.points),
+            max_distance=self.roomy,
+            return_distance=True,
+            all_matches=False,
+        )
+        room[near[0]] = apart
+        tail = np.repeat(np.arange(len(room)), np.diff(graph.first))
+        lacking = 1 - np.minimum(room[tail], room[graph.head]) / self.roomy
+        dearer = 1 + _DEARER * lacking
+        return graph._replace(time=dearer * graph.time, back=dearer * graph.back)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +158,7 @@ class ClassEnumerator:
         order: Order,
         *,
         clearance: float = 0.0,
+        roomy: float = 0.0,
     ) -> "ClassEnumerator":
         """Return the enumerator of the classes that rays distinguish.
 
@@ -148,7 +172,8 @@ class ClassEnumerator:
                 voyage.start,
                 voyage.goal,
             )
-        return cls(voyage, triangulation, rays, _Roads(voyage, triangulation, order, clearance))
+        roads = _Roads(voyage, triangulation, order, clearance, roomy)
+        return cls(voyage, triangulation, rays, roads)
 
     @classmethod
     def through(cls, voyage: Voyage, parts: "Sequence[ClassEnumerator]") -> "ClassEnumerator":

@@ -17,11 +17,18 @@ Method: TypeAlias = Literal["optimal", "sampled"]
 Drift: TypeAlias = Literal["projected", "crab"]
 RiskAt: TypeAlias = Literal["route", "point"]
 Order: TypeAlias = Literal["fuel", "length", "depth-first"]
+Shortfall: TypeAlias = Literal["refuse", "least"]
 
 MAX_SEED = 2**63 - 1
 """Largest seed of draws."""
 
-_CHOICES = {"method": Method, "drift": Drift, "order": Order, "risk_at": RiskAt}
+_CHOICES = {
+    "method": Method,
+    "drift": Drift,
+    "order": Order,
+    "risk_at": RiskAt,
+    "shortfall": Shortfall,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +82,10 @@ class PlanOptions:
         Optimality gap of the best route at which the lower bound on fuel is tight enough, such as
         0.02: until then its grid is refined. With 0 it is as tight as about half a second of work
         makes it.
+    shortfall : {"refuse", "least"}
+        What to do where no way keeps the padding: refuse the voyage, or keep as much of the padding
+        as there is room for, and list each stretch without; see :attr:`renew.Route.shortfalls`. A
+        clearance yields only as far as `narrow_share` lets it.
 
     Raises
     ------
@@ -98,6 +109,7 @@ class PlanOptions:
     lateness: float = field(default=0.05, metadata={"ge": 0, "lt": 1})
     min_lateness: float = field(default=0.0, metadata={"ge": 0})
     gap_to: float = field(default=0.0, metadata={"ge": 0, "lt": 1})
+    shortfall: Shortfall = field(default="refuse")
 
     def __post_init__(self) -> None:
         """Refuse options out of range; the error names all faults."""
@@ -111,6 +123,12 @@ class PlanOptions:
         return is_one_of(self.padding, ("adaptive", "triangle"))
 
     @property
+    def may_fall_short(self) -> bool:
+        """Whether padding may keep only as much as there is room for."""
+        asked = is_one_of(self.shortfall, ("least",)) and is_one_of(self.method, ("optimal",))
+        return asked and self.is_adaptive
+
+    @property
     def fixed_width(self) -> float:
         """Width (m) of every padding before a clearance widens it; 0 if padding adapts."""
         return 0.0 if isinstance(self.padding, str) else float(self.padding)
@@ -120,10 +138,13 @@ class PlanOptions:
         """Least width (m) of any padding, except in narrows where the clearance is reduced."""
         return max(self.fixed_width, self.clearance)
 
-    def likely_width(self, turning_radius: float) -> float:
-        """Width (m) that nearly no padding falls below: a turn reaches further than its radius."""
+    def likely_width(self, turning_radius: float, kept: float = 1.0) -> float:
+        """Width (m) that nearly no padding falls below: a turn reaches further than its radius.
+
+        Narrow water may leave only a share `kept` of it.
+        """
         least = self.min_width if self.narrow_share == 1.0 else self.fixed_width
-        return max(least, turning_radius if self.is_adaptive else 0.0)
+        return max(least, kept * turning_radius if self.is_adaptive else 0.0)
 
     def _faults(self) -> list[str]:
         """Faults of the options."""
@@ -181,6 +202,7 @@ class Changes(TypedDict, total=False):
     lateness: float
     min_lateness: float
     gap_to: float
+    shortfall: Shortfall
 
 
 RANGES = {option.name: option.metadata for option in fields(PlanOptions) if option.metadata}

@@ -13,6 +13,7 @@ tridiagonal second derivative. Solving that system moves long stretches as easil
 (a damped Newton method; Nocedal and Wright, Numerical Optimization, 2006, ch. 3 and 10.3).
 """
 
+import contextlib
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -48,7 +49,9 @@ _COARSE_ANGLE = math.radians(30)
 _COARSE_POINTS = 41
 # Spacing if legs that long can't round a corner of V, or cross overpowered water.
 _SHORT_SPACING = 1 / 64
-# Angle in that case, rad.
+# Spacings in narrow water, where only a thin line may be left.
+_CLOSE_SPACINGS = 1 / 256, 1 / 1024, 1 / 4096
+# Angle in these cases, rad.
 _SHORT_ANGLE = math.radians(9)
 # A turn from this angle (rad) on is a bend: each pass halves the legs beside it.
 BEND = math.radians(5)
@@ -129,6 +132,25 @@ def path_through_sections(corridor: Corridor) -> FloatArray:
     """
     middle = corridor.voyage.cut(_midline(corridor))
     return corridor.chained(_through_some_sections, middle)
+
+
+def path_through_close_sections(corridor: Corridor) -> FloatArray:
+    """Return a rough path (n, 2) within a channel that leaves hardly any room in places.
+
+    See :func:`path_through_sections`.
+    """
+    middle = corridor.voyage.cut(_midline(corridor))
+    return corridor.chained(_through_close_sections, middle)
+
+
+def _through_close_sections(corridor: Corridor, middle: FloatArray) -> FloatArray:
+    """Return a rough path (n, 2) without via points, given the channel's midline (n, 2)."""
+    length, *closer = (share * length_of(middle) for share in _CLOSE_SPACINGS)
+    for spacing in closer:
+        with contextlib.suppress(InfeasibleError):
+            return _through_sections(corridor, length, _SHORT_ANGLE)
+        length = spacing
+    return _through_sections(corridor, length, _SHORT_ANGLE)
 
 
 def _through_some_sections(corridor: Corridor, middle: FloatArray) -> FloatArray:

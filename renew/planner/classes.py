@@ -160,7 +160,7 @@ class ClassSearch:
         path of another class.
         """
         problem, options = self._planner.problem, self._planner.options
-        clearance = options.likely_width(problem.voyage.vessel.turning_radius)
+        clearance = problem.likely_width
         scout = problem.scout(clearance).up_to(dearest)
         enumerator = problem.enumerator(clearance).up_to(dearest)
         is_free = (
@@ -218,7 +218,7 @@ class ClassSearch:
 
         Classes that were known before the search, and those that need much more fuel, are left.
         """
-        if not self._planner.fits_padding:
+        if not self._planner.fits_padding or self._planner.problem.falls_short:
             return
         best = sorted(self.all_found, key=lambda word: self.found[word].fuel)
         for word in best[:classes]:
@@ -443,6 +443,8 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
     if all(isinstance(one.cause, TooLateError) for one in rejected):
         # Neither padding nor risk makes the vessel arrive much earlier.
         remedy = Text("take currents that reach further, or depart earlier")
+    elif planner.options.may_fall_short and not planner.problem.falls_short:
+        remedy = Text("keep less padding where the water is narrow")
     else:
         remedy = Text.joined("; ", suggest_relaxations(planner, rejected))
     count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"

@@ -21,7 +21,13 @@ from renew.inputs.options import PlanOptions
 from renew.kernels.current_table import velocities
 from renew.kernels.ground_speed import chosen_speeds
 from renew.paths.corridor import Corridor
-from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
+from renew.paths.least_fuel_path import (
+    path_near,
+    path_through_close_sections,
+    path_through_sections,
+    refined_path,
+)
+from renew.planner.narrow_water import growable
 from renew.planner.problem import Problem
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified_in_places
 from renew.turns.padding_model import PaddingModel
@@ -78,7 +84,10 @@ class PaddingGrowth:
             return None
         own_speeds = corridor.voyage.cut_speeds(path, speeds)
         return _any(
-            colliding_edges(piece, [part.voyage], part.padded, self.problem.reach, own)
+            growable(
+                part.padded,
+                colliding_edges(piece, [part.voyage], part.padded, self.problem.reach, own),
+            )
             for (part, piece), own in zip(corridor.parts(path), own_speeds, strict=True)
         )
 
@@ -107,6 +116,7 @@ class PaddingGrowth:
         voyage, padded = corridor.voyage, corridor.padded
         reach = self.problem.reach
         short = colliding_edges(path, voyages, padded, reach, is_fitted=self.are_fitted)
+        short = growable(padded, short)
         if short or self.options.risk_at == "route":
             return short
         return risky_edges(
@@ -146,6 +156,10 @@ def attempts(
     """
     if near is not None:
         yield partial(_refined, corridor, near)
+    if growth.problem.falls_short:
+        yield partial(path_from, corridor, near_rough, growth)
+        yield partial(path_from, corridor, path_through_close_sections, growth)
+        return
     for polar in dict.fromkeys((corridor.polar, corridor.polar._replace(crab=True))):
         own = replace(corridor, polar=polar)
         yield partial(_near_rough_or_bulging, own, growth)

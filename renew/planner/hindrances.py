@@ -24,7 +24,7 @@ from renew._types import BoolArray, FloatArray
 from renew.classes.dual_graph import Channel
 from renew.classes.triangulation import Triangulation, overpowering_below
 from renew.errors import InfeasibleError, Text, UnreachableError
-from renew.kernels.current_table import overpowered_spells, velocities, velocity
+from renew.kernels.current_table import metre_at, overpowered_spells, velocities, velocity
 from renew.kernels.viterbi import TOO_STRONG, slowness
 from renew.paths.sections import sections_of
 from renew.results import OverpoweredHours
@@ -68,9 +68,9 @@ def with_clearance(
     if not len(middles):
         return whole
     tree, reach = shapely.STRtree(shapely.points(middles)), clearance / share
-    yields = np.isfinite(_apart(padded, tree, reach))
+    yields = np.isfinite(distances_from(padded, tree, reach))
     pieces = padded.select(yields).cut(_SPACING * clearance)
-    apart = np.minimum(_apart(pieces, tree, reach), reach)
+    apart = np.minimum(distances_from(pieces, tree, reach), reach)
     kept = pieces.at_least(share * apart)
     # A piece with no more padding than its edge adds nothing, and at a start or goal it would shut
     # the way out of the padding.
@@ -98,7 +98,7 @@ def _middles_of_narrows(
     if 0.0 < finer < spacing:
         middles, _ = _narrow_sections(clearance, channel, voyage, triangulation, finer)
     ends = np.stack([voyage.start, voyage.goal])
-    return np.concatenate([middles, ends[_room(ends, triangulation, clearance) < clearance]])
+    return np.concatenate([middles, ends[room_at(ends, triangulation, clearance) < clearance]])
 
 
 def _narrow_sections(
@@ -115,7 +115,7 @@ def _narrow_sections(
     sections = sections_of(channel, voyage.start, voyage.goal, spacing, _ANGLE)
     for places in (*_FIRST_PLACES, _PLACES):
         points = sections.points(np.broadcast_to(places, (len(sections.left), len(places))))
-        room = _room(points, triangulation, clearance)
+        room = room_at(points, triangulation, clearance)
         narrow = room.max(axis=1, initial=0.0) < clearance
         sections, points, room = sections.select(narrow), points[narrow], room[narrow]
     row = np.arange(len(room))
@@ -123,7 +123,7 @@ def _narrow_sections(
     return points[row, best], room[row, best]
 
 
-def _room(points: FloatArray, triangulation: Triangulation, reach: float) -> FloatArray:
+def room_at(points: FloatArray, triangulation: Triangulation, reach: float) -> FloatArray:
     """Return the distances (...,), m, of points (..., 2) from land; inf beyond the reach, m."""
     room = np.full(points.shape[:-1], np.inf)
     if room.size:
@@ -137,7 +137,7 @@ def _room(points: FloatArray, triangulation: Triangulation, reach: float) -> Flo
     return room
 
 
-def _apart(edges: PaddedEdges, tree: shapely.STRtree, reach: float) -> FloatArray:
+def distances_from(edges: PaddedEdges, tree: shapely.STRtree, reach: float) -> FloatArray:
     """Return the distances (e,), m, of edges from the nearest point of a tree; inf beyond reach."""
     lines = shapely.linestrings(np.stack([edges.start, edges.end], axis=1))
     found, distance = tree.query_nearest(
@@ -250,7 +250,8 @@ def _spells_met_waiting(points: FloatArray, is_shut: BoolArray, voyage: Voyage) 
             return
         (x, y), (tx, ty) = points[at], legs[at] / lengths[at]
         u, v = velocity(voyage.table, x, y, now)
-        now += lengths[at] * slowness(u, v, tx, ty, voyage.polar)
+        metres = lengths[at] * metre_at(voyage.table, x, y)
+        now += metres * slowness(u, v, tx, ty, voyage.polar)
 
 
 def _longest_of_stretches(

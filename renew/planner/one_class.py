@@ -1,6 +1,7 @@
 """Plan the best route of one homotopy class: padding, path, trajectory, and simulated turns."""
 
 import contextlib
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,6 +30,7 @@ from renew.planner.grow import (
     steered_with_room,
 )
 from renew.planner.hindrances import hours_along, hours_of, with_clearance
+from renew.planner.narrow_water import Tight, shortfalls, steered_tightly, with_room
 from renew.planner.problem import Problem
 from renew.planner.sampled_paths import sampled_paths
 from renew.results import Route, Step, tell
@@ -51,7 +53,7 @@ class ClassPath(NamedTuple):
     """The best path (n, 2) of a class, its trajectory (m, 4), its fuel and its corridor.
 
     `harmonic_mean` is the value by which its class is chosen. `profile` has the speeds along the
-    path if the vessel chooses speeds.
+    path if the vessel chooses speeds. Stretches `tight` are steered as if the vessel turned faster.
     """
 
     corridor: Corridor
@@ -60,6 +62,7 @@ class ClassPath(NamedTuple):
     fuel: float
     harmonic_mean: float
     profile: SpeedProfile | None = None
+    tight: tuple[Tight, ...] = ()
 
 
 class ClassPlanner:
@@ -88,7 +91,7 @@ class ClassPlanner:
             voyage.vessel,
             replace(problem.options, risk=risk),
         )
-        self.growth = PaddingGrowth(problem, self._model, are_fitted=narrow)
+        self.growth = PaddingGrowth(problem, self._model, are_fitted=narrow or problem.falls_short)
 
     @property
     def options(self) -> PlanOptions:
@@ -157,7 +160,7 @@ class ClassPlanner:
 
     def route(self, found: ClassPath) -> Route:
         """Return the route along a path, with all figures, at the speeds of its profile if any."""
-        corridor, path, trajectory, fuel, class_mean, profile = found
+        corridor, path, trajectory, fuel, class_mean, profile, tight = found
         voyage, paddings = self.problem.voyage, corridor.paddings
         starts_in_padding, ends_in_padding = corridor.ends_in_padding
         if profile is None:
@@ -178,7 +181,7 @@ class ClassPlanner:
             path=path,
             trajectory=trajectory,
             fuel=fuel,
-            length=float(line.length),
+            length=voyage.chart.length(path),
             clearance=float(clearance),
             duration=duration,
             times=times,
@@ -187,13 +190,19 @@ class ClassPlanner:
             homotopy=name(self.problem.word(path)),
             corners=corridor.corners,
             padding_used=np.vstack(
-                [np.column_stack([one.start, one.end, one.padding]) for one in paddings]
+                [
+                    np.column_stack([one.start, one.end, one.padding.clip(min=0.0)])
+                    for one in paddings
+                ]
             ),
             turn_padding=np.concatenate([one.turns for one in paddings]),
             harmonic_mean=class_mean,
             starts_in_soft_no_go=starts_in_padding,
             ends_in_soft_no_go=ends_in_padding,
             overpowered=hours_along(path, times, voyage) or hours_of(corridor.channel, voyage),
+            shortfalls=(
+                shortfalls(path, tight, self.problem, speeds) if self.options.may_fall_short else ()
+            ),
         )
 
     def unpadded_fuel(self, channel: Channel) -> float:
@@ -216,9 +225,13 @@ class ClassPlanner:
 
         def padded(own: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
             edges = self._beside(own, voyage, path)
-            return with_clearance(
+            wide = with_clearance(
                 edges, options.clearance, options.narrow_share, own, voyage, triangulation
             )
+            if not self.problem.falls_short:
+                return wide
+            least = options.clearance if options.narrow_share == 1.0 else -math.inf
+            return with_room(wide, own, voyage, triangulation, least)
 
         return self._corridor(channel, padded)
 
@@ -242,6 +255,14 @@ class ClassPlanner:
             open_outline=triangulation.open_outline(region),
             padded=padded[0],
         )
+        if self.problem.falls_short:
+            # The pieces of each part are edges of their own.
+            ends = np.cumsum([0, *(len(one.edge) for one in padded)])
+            padded = [
+                replace(one, edge=np.arange(begin, end))
+                for one, (begin, end) in zip(padded, itertools.pairwise(ends), strict=True)
+            ]
+            corridor = replace(corridor, is_fitted=True)
         return corridor.with_padding(padded)
 
     def _beside(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
@@ -320,7 +341,13 @@ class ClassPlanner:
         """Steer a path (n, 2) found in the corridor, or in `used` with more padding."""
         makes_room = self.is_thorough and used.polar == corridor.polar
         steered = steered_with_room if makes_room else steered_as_it_is
-        used, path, trajectory = steered(used, path)
+        tight: tuple[Tight, ...] = ()
+        try:
+            used, path, trajectory = steered(used, path)
+        except InfeasibleError:
+            if not self.problem.falls_short:
+                raise
+            path, trajectory, tight = steered_tightly(path, used, self.problem.triangulation)
         self.check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
         if not math.isfinite(fuel):
@@ -330,7 +357,8 @@ class ClassPlanner:
             # Across a current, a path may be steerable at the highest speed but not at a lower one.
             profile = speed_profile(path, self.problem.voyage)
             steer_as_drawn(profile.path, used, profile.speeds)
-        return ClassPath(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
+        used = replace(used, polar=corridor.polar)
+        return ClassPath(used, path, trajectory, fuel, fuel, tight=tight)
 
     def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
         """Whether a path (n, 2) is of a corridor's class."""
@@ -381,15 +409,24 @@ def grown_until_clear(
 ) -> ClassPath:
     """Grow a path's padding until it is enough; `plan_again` plans near the last path.
 
-    Raises InfeasibleError if padding is still too small after `most` rounds.
+    Raises InfeasibleError if padding is still too small after `most` rounds, or shuts the way. In
+    narrow water the last path is returned then: as much as there is room for is enough.
     """
+    is_enough = found.corridor.padded.yields
     for rounds_left in reversed(range(most)):
         short = shortfall(found)
         if short is None:
             return found
         if rounds_left:
             tell(Step("padding"))
-            found = plan_again(grown(found.corridor, short), found)
+            try:
+                found = plan_again(grown(found.corridor, short), found)
+            except InfeasibleError:
+                if not is_enough:
+                    raise
+                return found
+    if is_enough:
+        return found
     raise InfeasibleError(
         f"its path is still not clear of {turns} in the last of {most} rounds of growing padding"
     )

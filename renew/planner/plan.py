@@ -15,7 +15,7 @@ area is safe.
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from typing import cast
+from typing import TypeVar, cast
 
 import numpy as np
 import shapely
@@ -27,6 +27,7 @@ from renew.errors import (
     PlanningError,
     StartInNoGoError,
     Text,
+    TooLateError,
     UnreachableError,
     from_until,
 )
@@ -44,6 +45,8 @@ from renew.planner.sampled_paths import chosen_class
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
 from renew.voyage.voyage import Waters, early_and_late
+
+_T = TypeVar("_T")
 
 # Distance between the points at which a path is tested, in v/ω.
 _SPACING = 0.5
@@ -63,6 +66,18 @@ def plan_request(request: Request) -> Plan:
         return plan, planner
 
     return plan_around(request.areas, plan_with)
+
+
+def or_with_shortfall(request: Request, plan: Callable[[Request], _T]) -> _T:
+    """Return what is planned; where no way keeps the padding, with as much as there is room for."""
+    options = request.options
+    try:
+        return plan(request)
+    except UnreachableError as error:
+        is_late = error.causes and all(isinstance(one, TooLateError) for one in error.causes)
+        if is_late or not options.may_fall_short:
+            raise
+    return plan(replace(request, falls_short=True))
 
 
 def finished(plan: Plan, request: Request) -> Plan:
@@ -103,7 +118,8 @@ def _new_planner(request: Request, closed: Collection[Opening], most: float | No
     if request.like is not None and not closed:
         known = planner_of(request.like)
         return known.for_problem(known.problem.with_voyage(voyage))
-    return ClassPlanner(Problem(voyage, request.options))
+    problem = Problem(voyage, request.options)
+    return ClassPlanner(problem.falling_short() if request.falls_short else problem)
 
 
 def meetings(

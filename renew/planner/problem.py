@@ -41,19 +41,26 @@ from renew.planner.hindrances import overpowered_error
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.voyage import Voyage
 
+# Room that a hard-over turn takes in still water, in v/ω.
+NEEDED = 2.0
+# Number of steps in which the padding yields where no way keeps it.
+_STEPS = 20
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A voyage, and which of its classes to search.
 
     Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
-    classes keep their names. Roadmaps are taken from `base`, a problem at another departure.
+    classes keep their names. Roadmaps are taken from `base`, a problem at another departure. Where
+    no way keeps the padding, `kept` is the share that one can keep everywhere.
     """
 
     voyage: Voyage
     options: PlanOptions
     first: "Problem | None" = None
     base: "Problem | None" = None
+    kept: float = 1.0
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -105,7 +112,22 @@ class Problem:
     @property
     def likely_width(self) -> float:
         """Width (m) below which hardly any padding is."""
-        return self.options.likely_width(self.voyage.vessel.turning_radius)
+        return self.options.likely_width(self.voyage.vessel.turning_radius, self.kept)
+
+    @property
+    def falls_short(self) -> bool:
+        """Whether padding keeps only as much as there is room for."""
+        return self.kept < 1.0
+
+    def falling_short(self) -> "Problem":
+        """Return the problem with the largest share of padding that some way keeps everywhere."""
+        low, high = 0, _STEPS
+        while high - low > 1:
+            middle = (low + high) // 2
+            width = self.options.likely_width(self.voyage.vessel.turning_radius, middle / _STEPS)
+            has_way = math.isfinite(self.scout(width).least_time)
+            low, high = (middle, high) if has_way else (low, middle)
+        return replace(self, kept=low / _STEPS)
 
     def leaving(self, departure: float) -> "Problem":
         """Return the problem at another departure (s)."""
@@ -145,10 +167,14 @@ class Problem:
 
     def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
         """Return the enumerator of a voyage, or a part of it, without via points."""
-        slack, rays = SLACK * voyage.vessel.turning_radius, self.all_rays
+        # Where no share of the padding can be kept, a way may lead through any gap.
+        slack = SLACK * voyage.vessel.turning_radius if self.kept else 0.0
+        rays = self.all_rays
         order, water = self.options.order, self.triangulation
         try:
-            return ClassEnumerator.of(voyage, water, rays, order, clearance=clearance + slack)
+            roomy = NEEDED * voyage.vessel.turning_radius if self.falls_short else 0.0
+            width = clearance + slack
+            return ClassEnumerator.of(voyage, water, rays, order, clearance=width, roomy=roomy)
         except UnreachableError:
             if not self.overpowered_water.is_empty:
                 # Where land separates the two, this raises the same error.

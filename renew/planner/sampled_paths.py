@@ -18,7 +18,7 @@ from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, leg_is_clear
-from renew.kernels.current_table import CurrentTable, velocity
+from renew.kernels.current_table import CurrentTable, mean_metre, velocity
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
@@ -167,16 +167,17 @@ def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> floa
     if length == 0.0:
         return 0.0
     pieces = math.ceil(length / longest)
+    metres = length * mean_metre(water.table, leg.ax, leg.ay, leg.bx, leg.by)
     total, last, behind = 0.0, 1.0 / water.polar.speed, 0.0
     for piece in range(pieces):
         for within in _GAUSS:
             place = (piece + within) / pieces
             # Time to this point, at the slowness of the point before.
-            begin += last * (place - behind) * length
+            begin += last * (place - behind) * metres
             u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, begin)
             last, behind = slowness(u, v, dx / length, dy / length, water.polar), place
             total += last
-    return total * length / (2 * pieces)
+    return total * metres / (2 * pieces)
 
 
 @kernel
@@ -237,13 +238,27 @@ def harmonic_mean(fuels: FloatArray) -> float:
     return float(len(fuels) / (1 / fuels).sum())
 
 
+# Ratio to the least fuel up to which a route is chosen for more room to turn.
+_MUCH_MORE = 1.2
+# Ratio to the least length without room up to which another route is as short.
+_AS_SHORT = 1.1
+
+
 def chosen_class(routes: Sequence[Route]) -> int:
     """Return the index of the route whose class has the least harmonic mean (h* of the paper).
 
     The optimal method has one path per class, whose fuel is the harmonic mean. So it chooses the
-    least-fuel route.
+    least-fuel route. Where the water is narrow, it chooses the one with the least shortfall of
+    those that don't need much more.
     """
-    return min(range(len(routes)), key=lambda i: routes[i].harmonic_mean)
+    every = range(len(routes))
+    most = _MUCH_MORE * min(route.harmonic_mean for route in routes)
+    near = [at for at in every if routes[at].harmonic_mean <= most]
+    worst = min(routes[at].lacking[0] for at in near)
+    near = [at for at in near if routes[at].lacking[0] == worst]
+    longest = _AS_SHORT * min(routes[at].lacking[1] for at in near)
+    near = [at for at in near if routes[at].lacking[1] <= longest]
+    return min(near, key=lambda at: routes[at].harmonic_mean)
 
 
 # Number of sampled chains, least fuel first, that are tried for steering.

@@ -40,7 +40,8 @@ class PaddedEdges:
 
     `start`, `end` are (e, 2) metres, `padding` is (e,) metres, `edge` (e,) the index into the
     triangulation's constrained edges, and `turns` (e,) metres the padding that turns need: an
-    offing may make it wider.
+    offing may make it wider. `most` (e,) metres is the padding that leaves a way through narrow
+    water; inf where it may grow.
     """
 
     start: FloatArray
@@ -48,6 +49,14 @@ class PaddedEdges:
     padding: FloatArray
     edge: IntArray
     turns: FloatArray
+    most: FloatArray
+
+    @classmethod
+    def of(
+        cls, start: FloatArray, end: FloatArray, padding: FloatArray, edge: IntArray
+    ) -> "PaddedEdges":
+        """Return edges with the padding that turns need, which may grow."""
+        return cls(start, end, padding, edge, padding, np.full(len(edge), np.inf))
 
     @classmethod
     def joined(cls, parts: "Sequence[PaddedEdges]") -> "PaddedEdges":
@@ -85,7 +94,13 @@ class PaddedEdges:
             self.padding[row],
             self.edge[row],
             self.turns[row],
+            self.most[row],
         )
+
+    @property
+    def yields(self) -> bool:
+        """Whether some of it leaves a way through narrow water."""
+        return bool(np.isfinite(self.most).any())
 
     def around(self, point: FloatArray) -> "PaddedEdges":
         """Return only the edges whose padding reaches over a point (2,)."""
@@ -96,7 +111,7 @@ class PaddedEdges:
         extra = np.zeros(len(self.edge))
         order = np.argsort(self.edge, kind="stable")
         np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
-        padding = self.padding + extra
+        padding = np.minimum(self.padding + extra, self.most)
         return replace(self, padding=padding, turns=np.where(extra > 0, padding, self.turns))
 
     def widened(self, places: FloatArray, by: FloatArray, reach: float) -> "PaddedEdges":
@@ -117,6 +132,7 @@ class PaddedEdges:
             np.concatenate([self.padding, self.padding[edge] + by[place]]),
             np.concatenate([self.edge, self.edge[edge]]),
             np.concatenate([self.turns, self.padding[edge] + by[place]]),
+            np.concatenate([self.most, self.most[edge]]),
         )
 
 
@@ -200,7 +216,7 @@ class PaddingModel:
         padding = np.where(own >= 0, own, beside)
         chosen = np.flatnonzero(padding >= 0)
         start, end, needed = self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen]
-        return PaddedEdges(start, end, needed, chosen, needed)
+        return PaddedEdges.of(start, end, needed, chosen)
 
     def shortfall(
         self, path: Visits, windows: FloatArray, channel: Channel, padded: PaddedEdges

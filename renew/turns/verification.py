@@ -12,6 +12,7 @@ the drawn turns than the risk allows may reach land from there.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -147,6 +148,43 @@ def needed_padding(
     return needed, is_clear
 
 
+# Distance between stations where it is asked how large a turn is free, as a share of v/ω.
+_CLOSELY = 0.25
+# Number of steps in which turns are made smaller.
+_STEPS = 20
+
+
+def free_shares(
+    path: FloatArray,
+    voyages: Sequence[Voyage],
+    edges: FloatArray,
+    reach: TurnReach,
+    speeds: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return stations along a path (n, 2), m, and the share of a full turn that is free at each.
+
+    The share is that of the largest turning circle, in steps of 5 % of the vessel's own, with
+    which no turn touches any of the edges (e, 2, 2): 1 where all turns are free. See
+    :func:`colliding_edges` for the other arguments.
+    """
+    bare = PaddedEdges.of(edges[:, 0], edges[:, 1], np.zeros(len(edges)), np.arange(len(edges)))
+    vessel, left = voyages[0].vessel, None
+    spacing = _CLOSELY * vessel.turning_radius
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    along = np.append(np.arange(0.0, length, spacing), length)
+    share, per_station = np.ones(len(along)), 1 if voyages[0].current.is_steady else 3
+    for step in range(_STEPS, 0, -1):
+        tighter = replace(vessel, turn_rate=vessel.turn_rate * _STEPS / step)
+        flown_by = [replace(one, vessel=tighter) for one in voyages]
+        near = _Near.along(path, flown_by, bare, reach, speeds, spacing)
+        near = near if left is None else near._replace(close=np.intersect1d(near.close, left))
+        left = near.touching
+        share[np.minimum(left // per_station, len(along) - 1)] = (step - 1) / _STEPS
+        if not len(left):
+            break
+    return along, share
+
+
 class _Flown(NamedTuple):
     """The current in which turns are flown, when they begin (n,), s, and the room they need (m)."""
 
@@ -181,6 +219,7 @@ class _Near(NamedTuple):
         padded: PaddedEdges,
         reach: TurnReach,
         speeds: FloatArray | None = None,
+        spacing: float | None = None,
     ) -> "_Near":
         """Return the stations of a path."""
         voyage = voyages[0]
@@ -188,7 +227,7 @@ class _Near(NamedTuple):
         if speeds is None:
             speeds = np.full(len(path) - 1, vessel.speed)
         margin = _MARGIN * vessel.turning_radius
-        spacing = _spacing(path, vessel)
+        spacing = _spacing(path, vessel) if spacing is None else spacing
         points, course, times = passed_stations(path, spacing, voyage)
         flown = []
         for one in voyages:
@@ -226,6 +265,20 @@ class _Near(NamedTuple):
         beside = _BESIDE * self.vessel.turning_radius
         is_met = (apart <= padding[near] + beside) | (room < 0)
         return near[is_met], (apart - room)[is_met], room[is_met]
+
+    @property
+    def touching(self) -> IntArray:
+        """Which of the close stations have turns that touch an edge."""
+        if not len(self.close):
+            return self.close
+        found, start, end = list[IntArray](), self.padded.start, self.padded.end
+        for field, times, margin in self.flown:
+            turns, first, near = self._turns(self.close, field, times, AROUND)
+            for lines in (turns, _between(turns)):
+                radius = np.full(len(lines), margin)
+                track, _ = tracks_touch(lines, first, near, start, end, radius)
+                found.append(self.close[np.unique(track // lines.shape[1])])
+        return np.unique(np.concatenate(found))
 
     def touched(
         self, flown: _Flown, chart: Chart, is_fitted: bool

@@ -18,7 +18,7 @@ from renew.inputs.options import (
     as_departures,
     is_one_of,
 )
-from renew.planner.plan import finished, plan_request
+from renew.planner.plan import finished, or_with_shortfall, plan_request
 from renew.planner.problem import check_departures
 from renew.request import Place, Request, Speeds, options_by_name
 from renew.results import Departures, Plan
@@ -121,14 +121,18 @@ def plan(
         depth=depth,
         speed=speed,
     )
-    if speed is not None:
-        result = plan_with_speeds(request, departure)
-    elif arrive_by is not None:
-        latest = latest_departure(request, departure, float(arrive_by))
-        result = all_classes_at(request, latest)[0]
-    else:
-        result = plan_request(request)
-    return finished(result, request)
+
+    def planned(asked: Request) -> Plan:
+        if speed is not None:
+            result = plan_with_speeds(asked, departure)
+        elif arrive_by is not None:
+            latest = latest_departure(asked, departure, float(arrive_by))
+            result = all_classes_at(asked, latest)[0]
+        else:
+            result = plan_request(asked)
+        return finished(result, asked)
+
+    return or_with_shortfall(request, planned)
 
 
 def plan_departures(
@@ -223,17 +227,21 @@ def plan_departures(
         more_faults=_sweep_faults(method, speed, arrive_by, to_within),
     )
     check_departures(request.current, times)
-    if speed is not None:
-        result = departures_with_speeds(request, times, progress)
-    else:
-        window = DepartureWindow(request, times, spacing=spacing, progress=progress)
-        if window.best.found is None:
-            raise window.sailings[0].error
-        if to_within is not None:
-            window.refine(to_within)
-            window.refine_around_best()
-        result = window.departures(window.plan_best() if with_classes else window.best.plan)
-    return replace(result, plan=finished(result.plan, request))
+
+    def planned(asked: Request) -> Departures:
+        if speed is not None:
+            result = departures_with_speeds(asked, times, progress)
+        else:
+            window = DepartureWindow(asked, times, spacing=spacing, progress=progress)
+            if window.best.found is None:
+                raise window.sailings[0].error
+            if to_within is not None:
+                window.refine(to_within)
+                window.refine_around_best()
+            result = window.departures(window.plan_best() if with_classes else window.best.plan)
+        return replace(result, plan=finished(result.plan, asked))
+
+    return or_with_shortfall(request, planned)
 
 
 def _sweep_faults(method: object, speed: object, arrive_by: object, to_within: object) -> list[str]:

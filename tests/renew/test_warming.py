@@ -56,7 +56,7 @@ print(json.dumps(found))
 # A catalogue's options are tried on a small plane, each set of them once.
 OPTIONS = f"""{COUNTING}
     for name in sys.argv[1:]:
-        options = load_scenario(name).planner.model_dump(exclude={{"snap"}})
+        options = load_scenario(name).planner.model_dump(exclude={{"snap", "lanes"}})
         options["clearance"] = options["clearance"] or 0.0
         if repr(options) not in found:
             found[repr(options)] = number(chart, grid, *ends, **options)
@@ -109,7 +109,13 @@ def in_fresh_process(script: str, *arguments: str, root: Path, **variables: str)
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")
 @pytest.mark.usefixtures("rehearsed")
-@pytest.mark.parametrize(("script", "plans"), [(OPTIONS, 10), (CLOCK, 2)], ids=["options", "clock"])
+@pytest.mark.parametrize(
+    ("script", "plans"),
+    [
+        pytest.param(OPTIONS, 10, id="options"),
+        pytest.param(CLOCK, 2, id="clock", marks=pytest.mark.slow),
+    ],
+)
 def test_no_plan_compiles_anything_after_the_rehearsal(script: str, plans: int, root: Path) -> None:
     scenarios = catalogue.names("scenarios")
     found = json.loads(in_fresh_process(script, *scenarios, root=root))

@@ -24,7 +24,7 @@ def collisions(scene: Scene[Any], route: renew.Route, seed: int) -> int:
     ).collisions
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 1, 4, 18, 21])
 def test_padding_fitted_to_turns_costs_less_fuel_and_no_safety(seed: int) -> None:
     scene = random_scene(seed)
@@ -81,7 +81,7 @@ def test_padding_that_turns_need_does_not_grow_over_an_end() -> None:
     voyage = voyage_on(renew.Chart(box(0, 0, 100, 100), [box(20, 0, 30, 80)]), (18.0, 40.0))
     y = np.arange(30.0, 50.0)
     start, end = (np.column_stack([np.full(20, 20.0), y + step]) for step in (0.0, 1.0))
-    edges = PaddedEdges(start, end, np.ones(20), np.arange(20), np.ones(20))
+    edges = PaddedEdges.of(start, end, np.ones(20), np.arange(20))
     limits = np.zeros(20), fit._most(edges, voyage)
     grown = fit._toward(edges, np.full(20, 5.0), limits, 1.0)
     assert grown.padding.max() == 5.0

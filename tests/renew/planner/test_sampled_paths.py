@@ -112,7 +112,7 @@ def test_a_path_that_cannot_be_made_counts_as_infinite_fuel() -> None:
 
 
 def test_the_class_with_the_least_mean_is_chosen() -> None:
-    routes = [SimpleNamespace(harmonic_mean=mean) for mean in (5.0, 3.0, 4.0)]
+    routes = [SimpleNamespace(harmonic_mean=mean, lacking=(0, 0.0)) for mean in (5.0, 3.0, 4.0)]
     assert chosen_class(cast("Sequence[renew.Route]", routes)) == 1
 
 

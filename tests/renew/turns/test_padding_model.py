@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -26,7 +28,8 @@ def padded_edges(seed: int) -> PaddedEdges:
     start = rng.uniform(0, 10, (12, 2))
     end = start + rng.normal(0, 2, (12, 2))
     padding = rng.uniform(0, 3, 12)
-    return PaddedEdges(start, end, padding, rng.permutation(30)[:12], padding / 2)
+    edges = PaddedEdges.of(start, end, padding, rng.permutation(30)[:12])
+    return replace(edges, turns=padding / 2)
 
 
 @settings(max_examples=20)

@@ -37,7 +37,7 @@ def shores(chart: renew.Chart, padding: float) -> PaddedEdges:
     start = np.concatenate([ring[:-1] for ring in rings])
     end = np.concatenate([ring[1:] for ring in rings])
     widths = np.full(len(start), padding)
-    return PaddedEdges(start, end, widths, np.arange(len(start)) + 7, widths)
+    return PaddedEdges.of(start, end, widths, np.arange(len(start)) + 7)
 
 
 def verify(path: FloatArray, voyage: Voyage, padded: PaddedEdges) -> dict[int, float]:
@@ -106,7 +106,7 @@ def test_without_land_there_is_nothing_to_touch() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [])
     voyage = voyage_on(chart)
     ends, width = np.empty((0, 2)), np.empty(0)
-    none = PaddedEdges(ends, ends, width, np.empty(0, dtype=np.int64), width)
+    none = PaddedEdges.of(ends, ends, width, np.empty(0, dtype=np.int64))
     assert not verify(np.array([voyage.start, voyage.goal]), voyage, none)
 
 
