@@ -25,7 +25,7 @@ from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_be
 from pipeline.model import Note
 from pipeline.scenario.season import Period, Season, TimeMethod
 from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
-from pipeline.sources.cf.contents import Component, Contents, StepInFile
+from pipeline.sources.cf.contents import Component, Contents
 from pipeline.sources.cf.dataset import open_dataset, open_together, reading
 from pipeline.sources.cf.mesh import SourceMesh, Table
 from pipeline.sources.current_field import Field, LandMask
@@ -82,7 +82,7 @@ def steps_of_season(
     if contents.constituents:
         return _of_constants(contents, case, step, with_mean=with_mean)
     if case.is_changing:
-        return select_all_steps(contents.steps, case.period, contents.u)
+        return select_all_steps(contents.steps, case.period)
     return select_steps(contents.steps, case.period, case.resolved_time_method)
 
 
@@ -214,18 +214,15 @@ def _of_constants(
     )
 
 
-def select_all_steps(
-    steps: TimeSteps, period: Period, series: Sequence[StepInFile] = ()
-) -> SelectedSteps:
+def select_all_steps(steps: TimeSteps, period: Period) -> SelectedSteps:
     """Select all steps from the one before a period's begin to the one after its end.
 
-    Each is a field of its own. `series` says where each step of a component stands, if known.
+    Each is a field of its own.
 
     Raises
     ------
     ValueError
-        The period does not begin between two steps, steps are missing in it, or in a file they
-        stand in another order than their times.
+        The period does not begin between two steps, or steps are missing in it.
     """
     moments, departure = steps.moments, period.begin
     if len(moments) < 2:
@@ -245,8 +242,7 @@ def select_all_steps(
     end_s = (period.end - departure).total_seconds()
     last = min(max(int(np.searchsorted(times, end_s)), first + 1), len(times) - 1)
     chosen = range(first, last + 1)
-    faults = [*_holes(steps, chosen), *_descending(moments, series, chosen if series else ())]
-    if faults:
+    if faults := list(_holes(steps, chosen)):
         raise ValueError("; ".join(faults))
     labels = tuple(label(moments[i]) for i in chosen)
     return SelectedSteps(
@@ -268,22 +264,6 @@ def _holes(steps: TimeSteps, chosen: Sequence[int]) -> Iterator[str]:
         yield (
             f"it has no step between {label(moments[i])} and {label(moments[i + 1])}, and others "
             f"every {usual.total_seconds() / 3600:g} hours; give a file without holes"
-        )
-
-
-def _descending(
-    moments: Sequence[datetime], series: Sequence[StepInFile], chosen: Sequence[int]
-) -> Iterator[str]:
-    """Find steps of one file that stand in another order than their times."""
-    wrong = [
-        (earlier, later)
-        for earlier, later in itertools.pairwise(chosen)
-        if series[earlier][0] is series[later][0] and series[earlier][1] > series[later][1]
-    ]
-    for earlier, later in wrong[:_MAX_FAULTS]:
-        yield (
-            f"its steps don't ascend: {label(moments[later])} stands before "
-            f"{label(moments[earlier])}; sort them by time"
         )
 
 
