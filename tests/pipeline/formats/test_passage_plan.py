@@ -157,6 +157,7 @@ def test_a_page_says_what_a_navigator_asks(plan: Path) -> None:
         assert small_run.LAND.text in page
 
 
+@pytest.mark.slow
 def test_the_map_goes_on_beyond_the_regions_edge_and_names_it(
     result: RunResult, tmp_path: Path
 ) -> None:
