@@ -320,6 +320,8 @@ def _put_map(page: Figure, points: Waypoints, top: float) -> None:
     _put_region_edge(axes, result, frame)
     axes.add_line(stroke(way, colour, 1.2, 3))
     axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
+    for one in case.narrow(1):
+        axes.add_line(stroke(one.line, COLOURS["narrow"], 1.6, 3.5))
     shores = result.water.projection.to_plane(case.crossings(1))
     axes.plot(*shores.T, "o", mfc="none", mec=COLOURS["shut"], markersize=6, zorder=4)
     for number, (x, y) in enumerate(way, start=1):

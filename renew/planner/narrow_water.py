@@ -208,24 +208,44 @@ def _steered_in_pieces(
     return np.concatenate(paths), np.concatenate(tracks), tuple(steered)
 
 
-def shortfalls(
-    path: FloatArray, tight: Sequence[Tight], problem: Problem, speeds: FloatArray
-) -> tuple[Shortfall, ...]:
-    """Return the stretches of a path (n, 2) without room for a hard-over turn.
+class Room(NamedTuple):
+    """Stations `along` a path (n,), m, at `points` (n, 2), and the `share` of a turn free at each.
 
-    Legs are sailed at speeds (n - 1,) m/s. A turn at a lower speed than the vessel's needs less.
+    A full turn needs `needed` (n,) metres.
+    """
+
+    along: FloatArray
+    points: FloatArray
+    share: FloatArray
+    needed: FloatArray
+
+
+def room_to_turn(path: FloatArray, problem: Problem, speeds: FloatArray) -> Room:
+    """Return the room for hard-over turns along a path (n, 2) sailed at speeds (n - 1,), m/s.
+
+    A turn at a lower speed than the vessel's needs less.
     """
     voyage, edges = problem.voyage, problem.triangulation.constrained_edges
     along, share = free_shares(path, voyage.in_members, edges, problem.reach, speeds)
-    for one in tight:
-        inside = (along >= one.begin) & (along <= one.end)
-        share[inside] = np.minimum(share[inside], _in_steps(1 / one.factor))
     places = shapely.line_interpolate_point(shapely.LineString(path), along)
     points = shapely.get_coordinates(places)
     slower = speeds_along(points, path, speeds) / voyage.vessel.speed
-    needed = problem.reach(points) * slower
+    return Room(along, points, share, problem.reach(points) * slower)
+
+
+def shortfalls(
+    path: FloatArray, tight: Sequence[Tight], problem: Problem, speeds: FloatArray
+) -> tuple[Shortfall, ...]:
+    """Return the stretches of a path (n, 2) without room for a hard-over turn, or tight ones.
+
+    Legs are sailed at speeds (n - 1,) m/s.
+    """
+    along, _, share, needed = room_to_turn(path, problem, speeds)
+    for one in tight:
+        inside = (along >= one.begin) & (along <= one.end)
+        share[inside] = np.minimum(share[inside], _in_steps(1 / one.factor))
     found, short = list[Shortfall](), np.flatnonzero(share < 1)
-    apart = along[short[1:]] - along[short[:-1]] > NEEDED * voyage.vessel.turning_radius
+    apart = along[short[1:]] - along[short[:-1]] > NEEDED * problem.voyage.vessel.turning_radius
     for run in np.split(short, 1 + np.flatnonzero(apart)) if len(short) else ():
         begin, end = along[max(run[0] - 1, 0)], along[min(run[-1] + 1, len(along) - 1)]
         most = float(needed[run].max())
