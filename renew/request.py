@@ -141,7 +141,7 @@ class Request:
         """Return the voyage in some waters, with a vessel whose speed is the highest to choose."""
         voyage = Voyage(
             waters,
-            vessel,
+            self.chart.turning(vessel),
             self.stops[0],
             self.stops[-1],
             self.options.drift,

@@ -88,7 +88,7 @@ def rehearse() -> Iterator[str]:
 
     This compiles the kernels for which no machine code is found; see :mod:`renew._compiled`.
     """
-    chart = Chart(_EXTENT, _ISLANDS)
+    chart = _chart()
     for what, current, options in REHEARSALS:
         yield what
         with contextlib.suppress(UnreachableError):
@@ -102,6 +102,11 @@ def rehearse() -> Iterator[str]:
             # The bound takes longest, and its kernels depend on these two options only.
             if not options or options.keys() & {"drift", "speed"}:
                 _ = route.optimality_gap
+
+
+def _chart() -> Chart:
+    """Return a small chart on a plane with a point scale, as charts of the earth have one."""
+    return Chart(_EXTENT, _ISLANDS, point_scale=lambda points: np.ones(points.shape[:-1]))
 
 
 def _sail_freely(chart: Chart, current: CurrentLike) -> None:
@@ -119,7 +124,7 @@ def rehearse_half(half: int) -> None:
     Two processes compile one half each, and take about equally long. A few kernels belong to both
     halves, and are compiled in both processes.
     """
-    chart, current, ends = Chart(_EXTENT, _ISLANDS), _as_grid(_GYRE), (_START, _GOAL)
+    chart, current, ends = _chart(), _as_grid(_GYRE), (_START, _GOAL)
     if half:
         plan(chart, current, _VESSEL, *ends, order="depth-first")
         return

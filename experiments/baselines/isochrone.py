@@ -45,7 +45,8 @@ def isochrone(task: Task) -> list[Candidate]:
     wet = _wet(task.water, weak, x, y, (start, goal))
     none = np.zeros(wet.shape)
     table = table_of(x, y, velocity)
-    grid = TravelGrid(x, y, table, 0.0, none, wet, Polar(vessel.speed, crab=True))
+    polar, metres = Polar(vessel.speed, crab=True), np.ones(wet.shape)
+    grid = TravelGrid(x, y, table, 0.0, none, wet, polar, metres)
     times = mean_times(grid, start, goal)
     path = _followed_back(grid, times, task)
     return [Candidate(path, times.size, seconds=time.process_time() - started)]

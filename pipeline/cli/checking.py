@@ -69,7 +69,8 @@ def _lines(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> 
         yield f"Nearest {no_go}: {text.clearance(row.clearance_m)}, at {one.nearest.text}"
     yield from (f"SHUT: {said}" for said in one.shut)
     for lane in one.against:
-        yield (f"AGAINST the {lane.name}: for {text.distance(lane.length_m)}, at {lane.place.text}")
+        how_far = text.distance(lane.length_m)
+        yield f"AGAINST the {lane.zone.name}: for {how_far}, at {lane.place.text}"
     if row.collisions:
         places = ", ".join(place.text for place in one.met[:_FEW])
         more = f" and {len(one.met) - _FEW} more places" * (len(one.met) > _FEW)
@@ -141,7 +142,7 @@ def _json(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> d
         "nearest": one.nearest and note_value(one.nearest),
         "shut": one.shut,
         "against_lanes": [
-            {"name": lane.name, "length_m": lane.length_m, "place": note_value(lane.place)}
+            {"name": lane.zone.name, "length_m": lane.length_m, "place": note_value(lane.place)}
             for lane in one.against
         ],
         "turns_meet_land_from": [note_value(place) for place in one.met],

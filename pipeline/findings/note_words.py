@@ -382,8 +382,11 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
     "area-shut": _area_shut,
-    "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: no "
-    "lane is kept in planning",
+    "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: "
+    "vessels under 20 m need not keep lanes, unless planner.lanes = true, and others do where "
+    "there is a way that does",
+    "lane-kept": "a way of less fuel sails against the {lane}: the routes keep out of it "
+    "(COLREGS rule 10; planner.lanes = false asks for no lane)",
     "canal-left-out": "the {canal} joins start and goal, and no route leads through it: canals are "
     "land in this chart, or too narrow to turn in. Between its ends at {begin} and {end} the way "
     "through it has about {way_m:distance}",

@@ -52,8 +52,8 @@ class Steps:
 
     Attributes
     ----------
-    planner_s : (n - 1,) seconds over each step, by the drift model in planar metres.
-    true_s : (n - 1,) seconds over each step, at true scale.
+    planner_s : (n - 1,) seconds over each step on the planner's clock, of a plane at a scale.
+    true_s : (n - 1,) seconds over each step.
     through_water_m_s : (n - 1,) mean speed through water, over time.
     """
 
@@ -101,14 +101,11 @@ def times_at(along: FloatArray, path: FloatArray, ranked: RankedRoute) -> FloatA
 
 
 def steps(points: FloatArray, ranked: RankedRoute) -> Steps:
-    """Return steps between points (n, 2) of a route's path; true times add up to its duration.
-
-    In a changing current they are the planner's own times, at which it read the current.
-    """
+    """Return steps between points (n, 2) of a route's path; true times add up to its duration."""
     case, drift = ranked.case.case, ranked.case.scenario.planner.drift
     taken = sailed(*at_speeds_sailed(points, ranked), case, drift)
-    times = taken.true_s if case.current.is_steady else taken.planner_s
-    return replace(taken, true_s=times * (ranked.metrics.duration_s / times.sum()))
+    whole = ranked.metrics.duration_s
+    return replace(taken, true_s=taken.true_s * (whole / taken.true_s.sum()))
 
 
 def sailed(
@@ -116,19 +113,17 @@ def sailed(
 ) -> Steps:
     """Return steps sailed in a case's current; each begins at its `first` (n - 1,) piece.
 
-    The pieces' ends (m, 2) are in the plane; their speeds (m - 1,) are through water. Where the
-    plane is stretched, a planar metre takes less true time.
+    The pieces' ends (m, 2) are in the plane; their speeds (m - 1,) are through water.
     """
-    projection = case.projection
-    planar = passage(pieces, case.current, case.vessel, drift=drift, speeds=speeds).durations
-    middles = projection.to_lonlat((pieces[:-1] + pieces[1:]) / 2)
-    true = planar * projection.scale / projection.point_scale(middles)
-    planner_s = np.add.reduceat(planar, first)
+    passed = passage(
+        pieces, case.current, case.vessel, drift=drift, speeds=speeds, chart=case.chart
+    )
+    planner_s = np.add.reduceat(passed.durations, first)
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.add.reduceat(planar * speeds, first) / planner_s
+        mean = np.add.reduceat(passed.durations * speeds, first) / planner_s
     return Steps(
         planner_s,
-        np.add.reduceat(true, first),
+        planner_s * case.projection.scale,
         # No time passes between points that are the same.
         np.where(planner_s > 0, mean, speeds[first]),
     )

@@ -14,7 +14,6 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from pipeline.model import Case, GapShares, RouteMetrics, Zone
-from pipeline.model.case import largest_stretch
 from pipeline.scenario.season import named_departure
 from renew.errors import Duration, Moment, Text, in_seconds
 
@@ -233,21 +232,20 @@ def gap_text(shares: GapShares, no_go: str) -> str:
     )
 
 
-def planner_text(text: Text, case: Case, stretch: float = 1.0) -> str:
+def planner_text(text: Text, case: Case) -> str:
     """Write a message of the planner with positions, dates and true lengths for readers.
 
-    One second of the planner is `stretch` true seconds. Moments of a case without a departure stay
-    in seconds.
+    Moments of a case without a departure stay in seconds.
     """
-    departure = case.departure
+    departure, scale = case.departure, case.projection.scale
 
     def dated(moment: Moment) -> str:
         if departure is None:
             return in_seconds(moment)
-        return exact_moment_text(departure + timedelta(seconds=round(stretch * moment.seconds)))
+        return exact_moment_text(departure + timedelta(seconds=round(scale * moment.seconds)))
 
     def lasting(one: Duration) -> str:
-        return str(Duration(one.seconds * largest_stretch(case)))
+        return str(Duration(one.seconds * scale))
 
     words = text.spelled(
         case.water.place_text, dated, lambda one: distance(case.water.true_m(one)), lasting

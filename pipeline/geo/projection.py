@@ -204,6 +204,10 @@ class Projection:
         scale: FloatArray = np.sqrt(np.abs(np.linalg.det(jacobian)))
         return scale
 
+    def scale_at(self, xy: ArrayLike) -> FloatArray:
+        """Return planar metres (before `scale`) per true metre at points (..., 2) of the plane."""
+        return self.point_scale(self.to_lonlat(xy))
+
     def geodesic_length_m(self, xy: ArrayLike) -> float:
         """Return the length of a planar path (n, 2) in true metres.
 

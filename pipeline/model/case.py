@@ -7,20 +7,18 @@ so early that all routes arrive in time.
 
 import math
 import pickle
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from typing import Any, TypeVar
 
 import numpy as np
-import shapely
 from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
 from pipeline.geo.coast import shore_to_shore
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
-from pipeline.model.inputs import Note, Place
+from pipeline.model.inputs import Note, Place, Zone
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
@@ -180,6 +178,7 @@ class Case:
         tide that tidal water needs includes the `under_keel_clearance_m`.
     speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
     members : the currents whose mean is the current.
+    lanes : traffic lanes that no route may sail against.
     before : the plan that the vessel sails, if it is planned again under way, from `start` on.
     follows : name of the case that ends at the anchorage where this one begins; or "".
     """
@@ -198,6 +197,7 @@ class Case:
     under_keel_clearance_m: float = 0.0
     speeds: SpeedChoice | None = None
     members: MemberCurrents | None = None
+    lanes: tuple[Zone, ...] = ()
     before: VoyageBefore | None = None
     follows: str = ""
 
@@ -336,69 +336,5 @@ def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew
     On a chart, a run has chosen the clearance before this call. In a planar scenario, a clearance
     that the options leave out is 0.
     """
-    given = {**options.model_dump(exclude={"snap"}), "clearance": options.clearance or 0.0}
+    given = {**options.model_dump(exclude={"snap", "lanes"}), "clearance": options.clearance or 0.0}
     return renew.PlanOptions(**given, min_lateness=min_lateness)
-
-
-# The best route may be early by this share of its duration; else it is planned again.
-_EARLY = 1e-3
-# Share of the time that a second plan keeps as a reserve, because routes shift a little.
-_RESERVE = 2e-5
-# Number of points along the chart's edge at which the point scale is computed.
-_EDGE_POINTS = 400
-# Number of points per side of a lattice on the chart at which the point scale is computed.
-_LATTICE = 40
-
-
-def true_duration_s(route: renew.Route, case: Case) -> float:
-    """Return a route's true duration, s, corrected for the plane's point scale along it.
-
-    In a changing current it is the planner's duration: the current was read at the planner's times.
-    """
-    if not case.current.is_steady:
-        return route.duration
-    projection = case.projection
-    time, track = route.trajectory[:, 0], route.trajectory[:, 1:3]
-    steps = np.diff(time)
-    middles = projection.to_lonlat((track[:-1] + track[1:]) / 2)
-    true = steps / projection.point_scale(middles)
-    return float(route.duration * projection.scale * true.sum() / steps.sum())
-
-
-def planned_in_time(
-    planned: Callable[[float], renew.Plan], case: Case, speeds: SpeedChoice
-) -> tuple[renew.Plan, float]:
-    """Plan a case with a choice of speeds; return the plan and the planner's latest arrival, s.
-
-    All routes arrive in time at true scale. The best arrives less than a thousandth of its duration
-    early. It arrives earlier still if that takes least fuel, or if another route is the best one
-    of the second plan.
-    """
-    by = speeds.within_s / largest_stretch(case)
-    plan = planned(by)
-    if not case.current.is_steady:
-        return plan, by
-    stretch = [true_duration_s(route, case) / route.duration for route in plan.routes]
-    is_free = plan.best.duration < (1 - _EARLY) * by
-    if is_free or by * stretch[plan.chosen] >= (1 - _EARLY) * speeds.within_s:
-        return plan, by
-    later = speeds.within_s / max(stretch) * (1 - _RESERVE)
-    closer = planned(later)
-    durations = [true_duration_s(route, case) for route in closer.routes]
-    return (closer, later) if max(durations) <= speeds.within_s else (plan, by)
-
-
-def largest_stretch(case: Case) -> float:
-    """Return an upper bound of true duration divided by planned duration on the chart.
-
-    In a changing current it is 1, because the planner's times are those of the current.
-    """
-    if not case.current.is_steady:
-        return 1.0
-    projection, extent = case.projection, case.chart.extent
-    edge = shapely.get_coordinates(shapely.segmentize(extent, extent.length / _EDGE_POINTS))
-    west, south, east, north = extent.bounds
-    x, y = np.linspace(west, east, _LATTICE), np.linspace(south, north, _LATTICE)
-    points = np.concatenate([edge, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)])
-    least = float(projection.point_scale(projection.to_lonlat(points)).min())
-    return projection.scale / least * (1 + _RESERVE)

@@ -452,6 +452,7 @@ class CaseResult:
         seconds on the planner's clock.
     ensemble : if the current has members.
     replanned : if the vessel is under way.
+    kept_lanes : the traffic lanes that routes keep out of: others would sail against them.
     """
 
     name: str
@@ -462,6 +463,7 @@ class CaseResult:
     arrive_by_s: float = math.inf
     ensemble: EnsembleFigures | None = None
     replanned: ReplanFigures | None = None
+    kept_lanes: tuple[str, ...] = ()
     measures: Measures = Measures()
 
     @property

@@ -393,10 +393,11 @@ def compared(
     allowed = _SAME_END * max(route.length, 1e-9)
     if max(np.hypot(*(path[0] - voyage.start)), np.hypot(*(path[-1] - voyage.goal))) > allowed:
         return {}
-    keep = renew.fuel(path, voyage.current, voyage.vessel, drift=drift)
+    chart = voyage.chart
+    keep = renew.fuel(path, voyage.current, voyage.vessel, drift=drift, chart=chart)
     line = shapely.LineString(path)
     # A route without padding may touch land, and rounding may move it onto the land.
-    is_over_land = shapely.intersection(voyage.chart.hard_no_go, line).length > allowed
+    is_over_land = shapely.intersection(chart.hard_no_go, line).length > allowed
     if is_over_land or keep > voyage.vessel.fuel_rate * voyage.current.span[1]:
         keep = math.inf
     row = earlier.columns()

@@ -242,6 +242,9 @@ class PlannerOptions(StrictModel):
     """Distance, true metres, up to which a start, goal or via point on land is moved to the nearest
     water that joins them all; the results say so. Renew go gives 500. Give metres from 0 to 5,000;
     with 0 a stop on land is refused."""
+    lanes: bool | None = None
+    """Whether no route sails against the traffic lanes of the chart (COLREGS rule 10); by default
+    for a vessel of 20 m or more. Give true or false."""
     narrow_share: strict.Number = Field(default=1.0, ge=0.01, le=1)
     """In passages too narrow for the clearance, the clearance is reduced to this share of the
     distance from land to the passage's middle; 1: it is never reduced. Where a run chooses an

@@ -44,7 +44,7 @@ from pipeline.model import (
     Water,
     plan_options,
 )
-from pipeline.model.case import MIN_LATENESS_S, true_duration_s
+from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import (
@@ -153,7 +153,7 @@ def _split(given: Chosen, first: Case, onward: Case, wait: timedelta) -> Chosen:
     plan = in_thread(partial(planned, first.copy(), given.scenario.planner)).plan
     if plan is None or first.departure is None:
         return given  # it is planned again, and says why
-    arrival = true_duration_s(plan.best, first)
+    arrival = plan.best.duration * first.projection.scale
     shift = _MINUTE_S * math.ceil(arrival / _MINUTE_S)
     wait_s = max(0.0, wait.total_seconds() + arrival - shift)
     step_min = max(_STEP_MIN, math.ceil(wait_s / _MINUTE_S / _MOST))

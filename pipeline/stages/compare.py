@@ -119,6 +119,11 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
     return (
         *safety_notes(result),
         *shut_notes(planned),
+        *(
+            Note.of("lane-kept", lane=lane).about(case.name)
+            for case, found in planned
+            for lane in found.kept_lanes
+        ),
         *tide_notes(result.scenario.tide, planned),
         *waiting_notes(planned),
         *unresolved_strait_notes(result),
@@ -150,9 +155,9 @@ def lanes_broken(result: RunResult) -> Iterator[Note]:
     for case in result.cases:
         for best in case.routes[:1]:
             line = result.water.projection.to_lonlat(best.route.path)
-            for name, length_m, place in against_lanes(line, result.fetched.land.zones):
+            for zone, length_m, place in against_lanes(line, result.fetched.land.zones):
                 yield Note.of(
-                    "against-lane", rank=best.rank, lane=name, length_m=length_m, place=place
+                    "against-lane", rank=best.rank, lane=zone.name, length_m=length_m, place=place
                 ).about(case.name)
 
 

@@ -20,7 +20,7 @@ from pipeline.findings.text import hours, planner_text, season_text
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Note, Place, Say, Water, plan_options
-from pipeline.model.case import MIN_LATENESS_S, largest_stretch
+from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import HavensSpec, Scenario
 from pipeline.sources.land.vector import read_havens
 from renew.inputs.openings import with_always_shut
@@ -123,10 +123,9 @@ def _covered(
 ) -> renew.Coverage:
     """Return the coverage of a case's best route, with the ways that it needs.
 
-    Limits are lowered so far that ways keep them in true time. Of the endurance, `spent_s` true
-    seconds are used up before the case begins.
+    Of the endurance, `spent_s` seconds are used up before the case begins.
     """
-    planned, stretch = case.case, largest_stretch(case.case)
+    planned, scale = case.case, case.case.projection.scale
     endurance_s = None if spec.endurance_s is None else spec.endurance_s - spent_s
     within_s = spec.within_s
     best, *others = case.routes
@@ -139,10 +138,8 @@ def _covered(
         planned.current,
         planned.vessel,
         havens,
-        within=None if within_s is None else within_s / stretch,
-        endurance=(
-            None if endurance_s is None else planned.vessel.fuel_rate * endurance_s / stretch
-        ),
+        within=None if within_s is None else within_s / scale,
+        endurance=(None if endurance_s is None else planned.vessel.fuel_rate * endurance_s / scale),
         others=tuple(ranks),
         options=plan_options(case.scenario.planner, min_lateness=MIN_LATENESS_S),
     )

@@ -1,17 +1,24 @@
 """Traffic lanes that a line sails against; COLREGS rule 10 asks vessels to sail with them.
 
-The planner does not know lanes: what it and others break is found afterwards, and said.
+The planner does not know lanes. One that the best route sails against is shut like an area, and the
+voyage is planned again; so no lane is shut to those that cross it or sail with it. What is broken
+all the same, by a small vessel or a route of the user's, is said.
 """
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pyproj
 import shapely
 
+import renew
 from pipeline._types import FloatArray
-from pipeline.model import Place, Zone
+from pipeline.model import Case, CaseResult, Place, Zone
+from pipeline.scenario.model import PlannerOptions
+from pipeline.sources.land.shapes import in_plane
 
 _GEOD = pyproj.Geod(ellps="WGS84")
 # Angle between course and lane, degrees, above which a vessel sails against it: one that crosses
@@ -23,12 +30,65 @@ _STEP_DEG = 0.09
 _LEAST_M = 50.0
 
 
-class AgainstLane(NamedTuple):
-    """A lane that is sailed against: its name, for how far, and the middle of the longest part."""
+# Length of a vessel, m, from which it keeps lanes by default: rule 10 forbids smaller ones only to
+# impede those that follow a lane.
+_KEPT_FROM_M = 20.0
 
-    name: str
+
+class AgainstLane(NamedTuple):
+    """A lane that is sailed against: for how far, and the middle of the longest part."""
+
+    zone: Zone
     length_m: float
     place: Place
+
+
+def kept_lanes(zones: Sequence[Zone], options: PlannerOptions, length_m: float) -> tuple[Zone, ...]:
+    """Return the lanes among zones that a vessel of a length keeps, as asked or by default."""
+    keeps = length_m >= _KEPT_FROM_M if options.lanes is None else options.lanes
+    return tuple(zone for zone in zones if keeps and zone.course_deg is not None)
+
+
+def keeping_lanes(case: Case, planned: Callable[[Case], CaseResult]) -> CaseResult:
+    """Plan a case until its best route sails against no lane that it keeps.
+
+    Other routes that do are left out. Where no way keeps a lane, the best plan stands that keeps
+    the others.
+    """
+    result, shut = planned(case), list[Zone]()
+    while broken := [one.zone for one in _broken(case, result.routes[:1]) if one.zone not in shut]:
+        areas = tuple(
+            renew.ShutArea(
+                shapely.union_all(in_plane([zone.area], case.projection)),
+                -math.inf,
+                math.inf,
+                zone.name,
+            )
+            for zone in (*shut, *broken)
+        )
+        again = planned(replace(case, areas=(*case.areas, *areas)))
+        if again.plan is None:
+            break
+        shut += broken
+        seconds, names = result.seconds + again.seconds, tuple(one.name for one in shut)
+        result = replace(again, seconds=seconds, kept_lanes=names)
+    return _without_others(case, result)
+
+
+def _broken(case: Case, routes: Sequence[renew.Route]) -> list[AgainstLane]:
+    """Return the case's lanes that some routes sail against."""
+    lines = (case.projection.to_lonlat(route.path) for route in routes if case.lanes)
+    return [one for line in lines for one in against_lanes(line, case.lanes)]
+
+
+def _without_others(case: Case, result: CaseResult) -> CaseResult:
+    """Return a result without the routes, other than the best, that sail against a lane."""
+    plan = result.plan
+    if plan is None or result.ensemble is not None or not case.lanes:
+        return result
+    best = plan.best
+    routes = tuple(one for one in plan.routes if one is best or not _broken(case, [one]))
+    return replace(result, plan=replace(plan, routes=routes, chosen=routes.index(best)))
 
 
 def against_lanes(line: FloatArray, zones: Sequence[Zone]) -> Iterator[AgainstLane]:
@@ -48,4 +108,4 @@ def against_lanes(line: FloatArray, zones: Sequence[Zone]) -> Iterator[AgainstLa
         lengths = [_GEOD.geometry_length(part) for part in parts]
         if sum(lengths) >= _LEAST_M:
             middle = parts[int(np.argmax(lengths))].interpolate(0.5, normalized=True)
-            yield AgainstLane(zone.name, float(sum(lengths)), Place(middle.x, middle.y))
+            yield AgainstLane(zone, float(sum(lengths)), Place(middle.x, middle.y))

@@ -36,7 +36,7 @@ from pipeline.model import (
     Water,
     plan_options,
 )
-from pipeline.model.case import MIN_LATENESS_S, true_duration_s
+from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
 from pipeline.stages.narrow import narrow_stretches
@@ -128,7 +128,7 @@ class _RouteEvaluator:
             length=route.length,
             length_m=self._projection.geodesic_length_m(route.path),
             clearance_m=self._clearance_m(line),
-            duration_s=true_duration_s(route, self._case),
+            duration_s=route.duration * self._projection.scale,
             speed_m_s=float(np.average(route.speeds, weights=np.diff(route.times))),
             optimality_gap=route.optimality_gap,
             trials=turns.trials,
@@ -175,7 +175,8 @@ class _RouteEvaluator:
         """Simulate the hard-over turns of a route in a current."""
         vessel = self._case.vessel
         # Long routes have wider spacing, for at most MAX_STATIONS points, despite rounding.
-        least = max(_MIN_SPACING, 1.000001 * route.length / MAX_STATIONS)
+        length = shapely.LineString(route.path).length
+        least = max(_MIN_SPACING, 1.000001 * length / MAX_STATIONS)
         return renew.contingency(
             route,
             self._near_land,
@@ -245,6 +246,7 @@ def land_within_reach(
 ) -> renew.Chart:
     """Return a chart of only the original land that a turn from any route can reach."""
     tables = [one.table(water.chart.bounds) for one in currents]
+    vessel = water.chart.turning(vessel)
     reach = max(TurnReach.of(one, vessel).furthest.max() for one in tables)
     paths = [shapely.LineString(route.path) for route in routes]
     zone = shapely.union_all(
@@ -255,7 +257,7 @@ def land_within_reach(
     near = land[shapely.intersects(zone, land)]
     crosses = ~shapely.covers(zone, near)
     near[crosses] = shapely.intersection(near[crosses], zone)
-    return renew.Chart(water.chart.extent, list(extract_polygons(near)))
+    return water.chart.with_no_go(extract_polygons(near))
 
 
 def _sampled(turns: renew.Contingency) -> renew.Contingency:
@@ -383,7 +385,7 @@ def _least_fuel(case: Case, options: PlannerOptions, clearance: float, arrive_by
 def _land_alone(chart: renew.Chart) -> renew.Chart:
     """Return the chart of the original land, for which the bound is computed."""
     land = shapely.difference(chart.extent, chart.open_water)
-    return renew.Chart(chart.extent, [land])
+    return chart.with_no_go([land])
 
 
 def clock_worth(case: Case, result: CaseResult, options: PlannerOptions) -> ClockWorth | None:
@@ -441,16 +443,21 @@ def _sailed(case: Case, result: CaseResult, planned_in: Current, options: Planne
         return math.inf
     speeds: FloatArray | None = plan.best.speeds
     if case.speeds is not None:
-        speeds = speeds_in_time(
-            plan.best, case.current, case.speeds, result.arrive_by_s, options.drift
-        )
+        speeds = speeds_in_time(plan.best, case, case.speeds, result.arrive_by_s, options.drift)
         if speeds is None:
             return math.inf
-    return renew.fuel(plan.best.path, case.current, case.vessel, drift=options.drift, speeds=speeds)
+    return renew.fuel(
+        plan.best.path,
+        case.current,
+        case.vessel,
+        drift=options.drift,
+        speeds=speeds,
+        chart=case.chart,
+    )
 
 
 def speeds_in_time(
-    route: renew.Route, current: Current, choice: SpeedChoice, arrive_by_s: float, drift: Drift
+    route: renew.Route, case: Case, choice: SpeedChoice, arrive_by_s: float, drift: Drift
 ) -> FloatArray | None:
     """Return a route's speeds (n - 1,), m/s, times the least factor with which it is in time.
 
@@ -463,8 +470,10 @@ def speeds_in_time(
 
     def is_late(factor: float) -> bool:
         own = speeds(factor)
-        arrivals = passage(route.path, current, vessel, drift=drift, speeds=own).times
-        return bool(arrivals[-1] > arrive_by_s)
+        passed = passage(
+            route.path, case.current, vessel, drift=drift, speeds=own, chart=case.chart
+        )
+        return bool(passed.times[-1] > arrive_by_s)
 
     low, high = choice.least / choice.most, choice.most / choice.least
     if is_late(high):

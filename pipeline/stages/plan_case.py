@@ -16,8 +16,9 @@ from pipeline.model import (
     VoyageBefore,
     plan_options,
 )
-from pipeline.model.case import MIN_LATENESS_S, largest_stretch, planned_in_time
+from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.lanes import keeping_lanes
 from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
 from renew.errors import Duration, Length, Text, TooLateError
@@ -65,6 +66,16 @@ def planned(
     havens: Sequence[renew.Haven] = (),
 ) -> CaseResult:
     """Plan a case, without the measures of its routes; see `plan_case`."""
+    return keeping_lanes(case, lambda one: _planned(one, options, on_step, havens))
+
+
+def _planned(
+    case: Case,
+    options: PlannerOptions,
+    on_step: OnStep,
+    havens: Sequence[renew.Haven],
+) -> CaseResult:
+    """Plan a case once."""
     started = time.perf_counter()
     asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
     ensemble = again = None
@@ -79,7 +90,8 @@ def planned(
             if case.before is not None:
                 plan, again = _replanned(case, case.before, asked, havens)
             elif case.speeds is not None:
-                plan, arrive_by_s = planned_in_time(planned_by, case, case.speeds)
+                arrive_by_s = case.speeds.within_s / case.projection.scale
+                plan = planned_by(arrive_by_s)
             elif case.members is not None:
                 found = case.planned_ensemble(case.members, asked)
                 plan = found.plan
@@ -120,9 +132,7 @@ def _failed(
 
 def reason_text(error: renew.PlanningError, case: Case) -> str:
     """Return the reason why there is no plan: of those of many classes one, with one remedy."""
-    spelled = partial(
-        planner_text, case=case, stretch=1.0 if case.speeds is None else largest_stretch(case)
-    )
+    spelled = partial(planner_text, case=case)
     causes = error.causes if isinstance(error, renew.UnreachableError) else ()
     if not isinstance(error, renew.UnreachableError) or not (
         causes and _REMEDIES in error.text.template

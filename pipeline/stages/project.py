@@ -37,6 +37,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import MembersSpec
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
+from pipeline.stages.lanes import kept_lanes
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,
@@ -131,12 +132,13 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
             current: Current = plane_current(season, water.chart.extent)
         else:
             current = planar_current(grid, water.projection, water.chart.bounds)
+        vessel = planner_vessel(scenario.vessel_in(season))
         depends_on_date = season.is_changing or season.speed is not None or has_hours
         cases.append(
             Case(
                 season.name,
                 water,
-                planner_vessel(scenario.vessel_in(season)),
+                vessel,
                 stops[0],
                 stops[-1],
                 current,
@@ -147,6 +149,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
                 speeds=SpeedChoice.of(season),
+                lanes=kept_lanes(fetched.land.zones, scenario.planner, vessel.length),
                 members=members_of(water, season.members, scenario.planner.seed, current, grid),
             )
         )
@@ -168,7 +171,8 @@ def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Wate
     original, second_shore = (
         tuple(in_plane(polygons, projection)) for polygons in (land.polygons, land.second_shore)
     )
-    chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
+    extent = extent_polygon(region, projection)
+    chart = renew.Chart(extent, no_go, land=inner_land, point_scale=projection.scale_at)
     water = Water(
         chart,
         original,

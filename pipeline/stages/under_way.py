@@ -23,7 +23,6 @@ from pipeline.geo.projection import Projection
 from pipeline.machine.paths import expanded, shown, unreadable_reason
 from pipeline.machine.store import Artefact, artefact_key
 from pipeline.model import Case, CaseResult, Fetched, SimplifiedLand, VoyageBefore
-from pipeline.model.case import true_duration_s
 from pipeline.model.inputs import current_hash, land_hash
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario, UnderWay
@@ -192,8 +191,8 @@ class PlanSailed:
         """Return the plan on the clock of the scenario asked for."""
         case, route = self.case, self.route
         current, planar_s = case.current, self._passed_s(asked)
-        if current.is_steady:  # its times are those of the plane
-            planar_s *= route.duration / true_duration_s(route, case)
+        if current.is_steady:
+            planar_s /= case.projection.scale
         elif isinstance(current, renew.VaryingCurrent):
             current = renew.VaryingCurrent(current.slice_times - planar_s, current.slices)
         trajectory = route.trajectory - [planar_s, 0.0, 0.0, 0.0]

@@ -180,7 +180,6 @@ def _checked(
     case, path = given.case.case, np.asarray(given.route.path)
     drift = "crab" if route.is_by_legs else given.case.scenario.planner.drift
     taken = sailed(path, np.array(at[:-1]), given.route.speeds, case, drift)
-    is_planners = not route.is_by_legs and not case.current.is_steady
     crossed = tuple(_crossed(case, path, given.case.run.fetched.land.places))
     near = closest_approach(coast_edges(case.water.land), path, case.projection)
     turns = given.case.measures.turns[0]
@@ -192,7 +191,7 @@ def _checked(
         same_side,
         best,
         "" if found.cause is None else reason_text(found.cause, case),
-        cumulative(taken.planner_s if is_planners else taken.true_s),
+        cumulative(taken.true_s),
         crossed,
         None if crossed or near is None else case.water.place(near[0]),
         tuple(planner_text(one, case) for one in found.shut),

@@ -160,11 +160,11 @@ def _straight_time(voyage: Voyage) -> float:
     """Return the time (s) of the straight way in a uniform current, without land; else 0."""
     current, speed = voyage.current, voyage.vessel.speed
     way = voyage.goal - voyage.start
-    length = math.hypot(*way)
+    length = math.hypot(*way) * float(voyage.chart.metres.min())
     if not isinstance(current, UniformCurrent) or voyage.has_price or length == 0:
         return 0.0
-    along = (current.u * way[0] + current.v * way[1]) / length
-    across = (current.u * way[1] - current.v * way[0]) / length
+    along = (current.u * way[0] + current.v * way[1]) / math.hypot(*way)
+    across = (current.u * way[1] - current.v * way[0]) / math.hypot(*way)
     if voyage.drift == "crab":
         made = along + math.sqrt(max(speed**2 - across**2, 0.0))
     else:
@@ -261,7 +261,7 @@ class Front:
 
     def __post_init__(self) -> None:
         """Begin at the start."""
-        self.stretch = np.ones(self.grid.wet.shape)
+        self.stretch = self.grid.metres.copy()
         self.time, self.dirty = source(self.grid, self.start)
 
     def advance(self, counts: BoolArray) -> float:
@@ -529,7 +529,7 @@ def _solved(
     grid: TravelGrid, counts: BoolArray, haven: FloatArray, top: float, most: float
 ) -> _Known:
     """Return the best bound of a few rounds on a grid: up to a `top` u, proven up to `most` (s)."""
-    stretch, place = np.ones(grid.wet.shape), locate(grid, haven)
+    stretch, place = grid.metres, locate(grid, haven)
     found = list[_Known]()
     # A view, as the kernel knows it: it ends a little after these times.
     until = np.full((4, 4), top / BEYOND)[:2, :2]

@@ -254,6 +254,9 @@ _MAX_CELLS = 50_000
 # Least distance, as a share of a cell, of the grid lines through start and goal from each other and
 # from the extent's sides.
 _NARROWEST = 0.2
+# Share by which a plane's metres may be less within a cell than at its corners: those of a plane of
+# the whole earth are by 1e-6 in a cell of one 256th of it, and by 2e-5 in the largest cells here.
+_WITHIN = 2e-5
 # Travel times on a finer grid are also computed on this number of cells around those that count,
 # because a front may leave them for a while.
 _AROUND = 2
@@ -329,7 +332,17 @@ def _over(voyage: Voyage, x: FloatArray, y: FloatArray, wet: BoolArray) -> Trave
     deviation = deviation_radius(voyage.current, x, y, current.uv, wet)
     strongest = current.strongest + float(deviation.max(initial=0.0))
     hours = _hours(voyage, x, y, strongest) if voyage.has_price else np.empty((2, 0, 0))
-    return TravelGrid(x, y, current, voyage.departure, deviation, wet, voyage.polar, hours)
+    metres = _least_metres(voyage.chart, x, y)
+    return TravelGrid(x, y, current, voyage.departure, deviation, wet, voyage.polar, metres, hours)
+
+
+def _least_metres(chart: Chart, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return at most the true metres per metre of the plane in cells (ny - 1, nx - 1)."""
+    if len(chart.metres) == 1:
+        return np.ones((len(y) - 1, len(x) - 1))
+    nodes = chart.true_metres(np.stack(np.meshgrid(x, y), axis=-1))
+    least = np.minimum(nodes[:-1], nodes[1:])
+    return for_kernels(np.minimum(least[:, :-1], least[:, 1:]) * (1 - _WITHIN))
 
 
 def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> FloatArray:
@@ -345,7 +358,8 @@ def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> Fl
     for px, py in (voyage.start, voyage.goal):
         across = np.maximum(np.maximum(west - px, px - east), 0.0)
         up = np.maximum(np.maximum(south - py, py - north), 0.0)
-        away.append(np.hypot(across, up) / (fastest * (1 + ROUNDING)))
+        apart = np.hypot(across, up) * voyage.chart.metres.min()
+        away.append(apart / (fastest * (1 + ROUNDING)))
     begin = voyage.departure + away[0]
     # A current that repeats itself has nothing new after a period.
     end = np.minimum(voyage.deadline - away[1], begin + voyage.current.period)

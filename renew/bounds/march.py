@@ -178,21 +178,23 @@ class _Corners(NamedTuple):
 
 @small_kernel
 def _rate_in_window(
-    corners: _Corners, deviation: float, grid: TravelGrid, window: tuple[float, float]
+    corners: _Corners, cell: tuple[int, int], grid: TravelGrid, window: tuple[float, float]
 ) -> float:
-    """λ of a triangle in a window of time, s: at its ends and at the slices between.
+    """λ of a triangle of a cell in a window of time, s: at its ends and at the slices between.
 
     The currents at its corners are written to.
     """
     nodes, slopes, currents = corners
     now, last = window
+    deviation, metres = grid.deviation[cell], grid.metres[cell]
     largest = -math.inf
     while True:
         for k in range(3):
             currents[k] = node_velocity(grid.current, nodes[k, 0], nodes[k, 1], now)
         largest = max(largest, growth_rate(slopes, currents, deviation, grid.polar))
         if now >= last or len(grid.current.times) == 1:
-            return largest
+            # A vessel covers more metres of the plane in a second than true ones.
+            return float(largest / metres)
         now = min(next_slice(grid.current, now), last)
 
 
@@ -319,7 +321,7 @@ def _cell_rate(
             slopes[0, 0], slopes[0, 1] = (dx + 2 * along_x) / w, (dy + 2 * along_y) / h
             slopes[1, 0], slopes[1, 1] = (dx - 2 * along_x) / w, (dy + 2 * (across - along_x)) / h
             slopes[2, 0], slopes[2, 1] = (dx + 2 * (across - along_y)) / w, (dy - 2 * along_y) / h
-            worst = max(worst, _rate_in_window(corners, grid.deviation[r, c], grid, window))
+            worst = max(worst, _rate_in_window(corners, cell, grid, window))
             if worst >= best:
                 break
         best = min(best, worst)

@@ -50,6 +50,7 @@ class TravelGrid(NamedTuple):
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
     polar: Polar
+    metres: FloatArray  # (ny - 1, nx - 1): least true metres per metre of the plane in the cell
     # (2, ny - 1, nx - 1), s, on that clock: the first and the last time at which a vessel that
     # chooses its speeds may be in the cell and still arrive in time
     hours: FloatArray = np.empty((2, 0, 0))
@@ -261,5 +262,5 @@ def mean_times(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> FloatAr
     grid = grid._replace(deviation=np.zeros(grid.wet.shape))
     time, dirty = source(grid, start)
     corners = locate(grid, goal).corners(time)
-    solve(time, dirty, np.ones(grid.wet.shape), grid, corners)
+    solve(time, dirty, grid.metres, grid, corners)
     return time

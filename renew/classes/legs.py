@@ -13,7 +13,7 @@ import numpy as np
 from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Segment
-from renew.kernels.current_table import CurrentTable, velocity
+from renew.kernels.current_table import CurrentTable, mean_metre, velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
 Extremes: TypeAlias = tuple[CurrentTable, CurrentTable, bool]
@@ -39,15 +39,16 @@ def time_along(leg: Segment, begin: float, table: CurrentTable, polar: Polar) ->
     if length == 0.0:
         return 0.0
     slowest = _MIN_SPEED * polar.speed
+    metres = length * mean_metre(table, leg.ax, leg.ay, leg.bx, leg.by)
     halves = 2 * _panels(leg, table)
     total, slowness, now = 0.0, 0.0, begin
     for k in range(halves + 1):
         # The time here if the vessel keeps its speed at the previous point.
-        now += slowness * length / halves
+        now += slowness * metres / halves
         u, v = velocity(table, leg.ax + k / halves * dx, leg.ay + k / halves * dy, now)
         slowness = 1.0 / max(slowest, ground_speed(u, v, dx / length, dy / length, polar))
         total += _simpson_weight(k, halves) * slowness
-    return total * length / (3 * halves)
+    return total * metres / (3 * halves)
 
 
 @small_kernel
@@ -108,7 +109,7 @@ def least_times(
         weight = _simpson_weight(k, halves)
         time += weight / max(slowest, _fastest(low, high, tx, ty, polar))
         back += weight / max(slowest, _fastest(low, high, -tx, -ty, polar))
-    scale = length / (3 * halves)
+    scale = length * mean_metre(least, leg.ax, leg.ay, leg.bx, leg.by) / (3 * halves)
     return time * scale, back * scale
 
 

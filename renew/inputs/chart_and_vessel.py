@@ -2,20 +2,27 @@
 
 import copy
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from renew.errors import GeometryError, ParameterError, is_number, shown
+from renew._compiled import for_kernels
+from renew._types import FloatArray
+from renew.errors import GeometryError, ParameterError, as_floats, is_number, shown
+from renew.kernels.current_table import TRUE_METRES, metres_at
 
 # Coordinates closer than this share of the extent's diagonal are one point. Snapping to this grid
 # avoids slivers between an island and an extent that it touches. It is far below anything that a
 # vessel could notice: 1 mm on 1,000 km.
 _PRECISION = 1e-9
+# Error of the nodes that stand for the point scale, as a share: far below that of any fuel.
+_SCALE_ERROR = 1e-6
+# Number of nodes along each side of the first lattice, and of the finest one.
+_FIRST_NODES, _MOST_NODES = 5, 257
 
 
 class Chart:
@@ -34,12 +41,17 @@ class Chart:
         The part of the no-go zone that no vessel can cross (m), if that is smaller: the land
         itself, where `no_go` is grown by a margin or simplified outwards. The lower bound on fuel
         holds for every route off this land; the plan keeps off `no_go`.
+    point_scale : callable, optional
+        Of a conformal plane: metres of the plane per true metre (...) at points (..., 2), m. Then
+        times, fuel, bounds and turns are those of true metres; lengths and places stay the plane's.
 
     Raises
     ------
     GeometryError
         Polygons that are invalid (the message says where and why, all at once), empty or not
         finite, or no water left.
+    ParameterError
+        A point scale that is not a positive number everywhere.
     """
 
     def __init__(
@@ -47,6 +59,8 @@ class Chart:
         extent: Polygon,
         no_go: Iterable[Polygon] = (),
         land: Iterable[Polygon] | None = None,
+        *,
+        point_scale: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
         islands = _all_polygons("no_go", no_go)
         bare = None if land is None else _all_polygons("land", land)
@@ -66,6 +80,7 @@ class Chart:
         """Islands that distinguish classes, by kind: land, then the areas of `without`; they are
         numbered in this order."""
         self._land = bare
+        self.metres, self.metres_in = _metres(point_scale, self.bounds)
         if self.water.is_empty:
             raise GeometryError(
                 "chart: the no-go zone covers the whole extent; no water is left"
@@ -81,12 +96,42 @@ class Chart:
         """
         areas = list(areas)
         bare = list(self.no_go if self._land is None else self._land)
-        other = Chart(self.extent, [*self.no_go, *areas], bare + areas if is_land else bare)
+        other = self.with_no_go([*self.no_go, *areas], bare + areas if is_land else bare)
         # An area that touches land forms one obstacle with it, which keeps the land's number.
         merged = _polygons(shapely.union_all(np.array(areas, dtype=object)))
         land = shapely.union_all(np.array(sum(self.islands, ()), dtype=object))
         apart = tuple(island for island in merged if not shapely.intersects(island, land))
         other.islands = (*self.islands, apart)
+        return other
+
+    def true_metres(self, points: FloatArray) -> FloatArray:
+        """Return true metres per metre of the plane (...) at points (..., 2), m."""
+        if len(self.metres) == 1:
+            return np.ones(points.shape[:-1])
+        flat = for_kernels(points.reshape(-1, 2))
+        return metres_at(self.metres, self.metres_in, flat).reshape(points.shape[:-1])
+
+    def length(self, path: FloatArray) -> float:
+        """Return the length of a path (n, 2) in true metres."""
+        begin, end = path[:-1], path[1:]
+        ends, middles = self.true_metres(path), self.true_metres((begin + end) / 2)
+        # By Simpson's rule on each leg.
+        metres = (ends[:-1] + 4 * middles + ends[1:]) / 6
+        return float((metres * np.linalg.norm(end - begin, axis=1)).sum())
+
+    def turning(self, vessel: "Vessel") -> "Vessel":
+        """Return the vessel with turns as wide as they may be anywhere on the plane.
+
+        Where the plane stretches them less, they are too wide: by as much as its scale varies.
+        """
+        return replace(vessel, turn_rate=vessel.turn_rate * float(self.metres.min()))
+
+    def with_no_go(
+        self, no_go: Iterable[Polygon], land: Iterable[Polygon] | None = None
+    ) -> "Chart":
+        """Return a chart of other no-go and land (m) in the same extent and plane."""
+        other = Chart(self.extent, no_go, land)
+        other.metres, other.metres_in = self.metres, self.metres_in
         return other
 
     def with_open_water(self, water: shapely.Geometry) -> "Chart":
@@ -127,6 +172,35 @@ class Chart:
         """The extent's (xmin, ymin, xmax, ymax) in metres."""
         xmin, ymin, xmax, ymax = self.extent.bounds
         return xmin, ymin, xmax, ymax
+
+
+def _metres(
+    point_scale: Callable[[FloatArray], FloatArray] | None,
+    bounds: tuple[float, float, float, float],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the nodes of a plane's metres, for a `CurrentTable`, as close as they must be."""
+    if point_scale is None:
+        return TRUE_METRES
+    xmin, ymin, xmax, ymax = bounds
+    count = _FIRST_NODES
+    while True:
+        nodes = np.stack(
+            np.meshgrid(np.linspace(xmin, xmax, count), np.linspace(ymin, ymax, count)), axis=-1
+        )
+        scale = as_floats("point_scale: what it returned", point_scale(nodes.copy()))
+        if scale.shape != (count, count) or not (np.isfinite(scale) & (scale > 0)).all():
+            raise ParameterError(
+                f"chart: point_scale must return a number above 0 for each point; for points of "
+                f"shape {nodes.shape} it returned shape {scale.shape}, and {scale.min():.3g} at "
+                "least"
+            )
+        metres = 1 / scale
+        # Between nodes the error is an eighth of a second difference, along x and along y.
+        bends = sum(np.abs(np.diff(metres, 2, axis=axis)).max() for axis in (0, 1)) / 8
+        if bends <= _SCALE_ERROR or count >= _MOST_NODES:
+            steps = (count - 1) / (xmax - xmin), (count - 1) / (ymax - ymin)
+            return for_kernels(metres), np.array([xmin, ymin, *steps])
+        count = 2 * count - 1
 
 
 def _all_polygons(name: str, geometries: object) -> list[Polygon]:

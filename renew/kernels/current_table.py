@@ -36,7 +36,9 @@ class CurrentTable(NamedTuple):
     after the last the current is constant, or repeats itself if `period` (s) is finite. `error`
     (m/s) is the largest difference found between field and table. `per_x`, `per_y` are cells per
     metre and `per_second` slices per second, or 0 if unevenly spaced. `strongest` (m/s) is the
-    strongest current, which occurs at a node.
+    strongest current, which occurs at a node. `metres` (my, mx) are true metres per metre of the
+    plane at even nodes, for a chart whose plane stretches them; one node in a plane. `metres_in`
+    (4,) are the first node's x, y (m), and the nodes' steps per metre along x and y.
     """
 
     x: FloatArray
@@ -49,6 +51,8 @@ class CurrentTable(NamedTuple):
     per_y: float
     per_second: float
     strongest: float
+    metres: FloatArray
+    metres_in: FloatArray
 
     @property
     def is_steady(self) -> bool:
@@ -78,8 +82,11 @@ class CurrentTable(NamedTuple):
         """Return steady tables of the least and the largest u and v, and whether they are equal."""
         if self.is_steady:
             return self, self, True
-        least, largest = self.uv.min(axis=0), self.uv.max(axis=0)
-        return table_of(self.x, self.y, least), table_of(self.x, self.y, largest), False
+        least, largest = (
+            table_of(self.x, self.y, uv)._replace(metres=self.metres, metres_in=self.metres_in)
+            for uv in (self.uv.min(axis=0), self.uv.max(axis=0))
+        )
+        return least, largest, False
 
 
 def table_of(
@@ -96,7 +103,8 @@ def table_of(
     slices = uv.reshape(len(times), len(y), len(x), 2)
     per_x, per_y, per_second = map(_density, (x, y, times))
     strongest = largest_speed(slices)
-    return CurrentTable(x, y, times, slices, error, period, per_x, per_y, per_second, strongest)
+    steps = per_x, per_y, per_second
+    return CurrentTable(x, y, times, slices, error, period, *steps, strongest, *TRUE_METRES)
 
 
 def are_same(one: CurrentTable, other: CurrentTable) -> bool:
@@ -159,12 +167,62 @@ def _density(axis: FloatArray) -> float:
     return float(len(steps) / (axis[-1] - axis[0])) if even else 0.0
 
 
+TRUE_METRES = np.ones((1, 1)), np.zeros(4)
+"""`metres` and `metres_in` of a plane."""
 _FAR = np.array([0.0, 1e12])
 # Made without a kernel, because an import must not compile or load one.
 STILL_WATER = CurrentTable(
-    _FAR, _FAR, np.zeros(1), np.zeros((1, 2, 2, 2)), 0.0, math.inf, 1e-12, 1e-12, 0.0, 0.0
+    _FAR,
+    _FAR,
+    np.zeros(1),
+    np.zeros((1, 2, 2, 2)),
+    0.0,
+    math.inf,
+    1e-12,
+    1e-12,
+    0.0,
+    0.0,
+    *TRUE_METRES,
 )
 """No current anywhere."""
+
+
+@small_kernel
+def _metre_at(metres: FloatArray, metres_in: FloatArray, px: float, py: float) -> float:
+    """Return true metres per metre of the plane at a point; constant outside the nodes."""
+    rows, columns = metres.shape
+    if rows == 1:
+        return 1.0
+    along = min(max((px - metres_in[0]) * metres_in[2], 0.0), columns - 1.0)
+    up = min(max((py - metres_in[1]) * metres_in[3], 0.0), rows - 1.0)
+    i, j = min(int(along), columns - 2), min(int(up), rows - 2)
+    s, t = along - i, up - j
+    low = (1 - s) * metres[j, i] + s * metres[j, i + 1]
+    return float((1 - t) * low + t * ((1 - s) * metres[j + 1, i] + s * metres[j + 1, i + 1]))
+
+
+@small_kernel
+def metre_at(table: CurrentTable, px: float, py: float) -> float:
+    """Return true metres per metre of the plane at a point."""
+    return _metre_at(table.metres, table.metres_in, px, py)
+
+
+@small_kernel
+def mean_metre(table: CurrentTable, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return true metres per metre of the plane, the mean of a straight leg, by Simpson's rule."""
+    if len(table.metres) == 1:
+        return 1.0
+    middle = metre_at(table, (ax + bx) / 2, (ay + by) / 2)
+    return (metre_at(table, ax, ay) + 4.0 * middle + metre_at(table, bx, by)) / 6.0
+
+
+@kernel
+def metres_at(metres: FloatArray, metres_in: FloatArray, points: FloatArray) -> FloatArray:
+    """Return true metres per metre of the plane (n,) at points (n, 2)."""
+    result = np.empty(len(points))
+    for k in range(len(points)):
+        result[k] = _metre_at(metres, metres_in, points[k, 0], points[k, 1])
+    return result
 
 
 class Site(NamedTuple):

@@ -26,6 +26,8 @@ from renew.kernels.current_table import (
     CurrentTable,
     Site,
     bend_near,
+    mean_metre,
+    metre_at,
     site_of,
     velocity,
     velocity_there,
@@ -96,7 +98,7 @@ def leg_time_from(
         return 0.0
     tx, ty = dx / length, dy / length
     pieces = 1 if len(table.times) == 1 else math.ceil(length / clock.step)
-    piece, now = length / pieces, begin
+    piece, now = length / pieces * mean_metre(table, leg.ax, leg.ay, leg.bx, leg.by), begin
     here = slowness(u, v, tx, ty, polar)
     for k in range(1, pieces + 1):
         if here == math.inf:
@@ -254,10 +256,12 @@ def _advance_in_steady(
         bu, bv = velocity(table, bx, by, 0.0)
         if bu * bu + bv * bv >= most:
             continue
+        # Rows are close: the plane's stretch at a leg's end is that of the leg.
+        half = 0.5 * metre_at(table, bx, by)
         for i in range(len(totals)):
             dx, dy = bx - x[i], by - y[i]
             first, second = _headway(u[i], v[i], dx, dy, polar), _headway(bu, bv, dx, dy, polar)
-            totals[i] = departure[i] + 0.5 * (dx * dx + dy * dy) * (1.0 / first + 1.0 / second)
+            totals[i] = departure[i] + half * (dx * dx + dy * dy) * (1.0 / first + 1.0 / second)
         while True:
             i = _first_least(totals)
             if totals[i] == np.inf:
@@ -350,7 +354,8 @@ def _arrivals(
     x, y, u, v, departure, _ = here
     polar, step = water.polar, water.clock.step
     bx, by = to
-    fastest = ground_speed(water.table.strongest, 0.0, 1.0, 0.0, polar)
+    metre = metre_at(water.table, bx, by)
+    fastest = ground_speed(water.table.strongest, 0.0, 1.0, 0.0, polar) / metre
     if polar.least < polar.speed:
         for i in range(len(totals)):
             totals[i] = departure[i] + math.hypot(bx - x[i], by - y[i]) / fastest
@@ -359,13 +364,13 @@ def _arrivals(
     for i in range(len(totals)):
         dx, dy = bx - x[i], by - y[i]
         square = dx * dx + dy * dy
-        a_metre = 1.0 / _headway(u[i], v[i], dx, dy, polar)
+        a_metre = metre / _headway(u[i], v[i], dx, dy, polar)
         since = departure[i] + square * a_metre - bend.time
         before, after = max(min(since, 0.0), -bend.before), min(max(since, 0.0), bend.after)
         bu = bend.u + before * bend.u_before + after * bend.u_after
         bv = bend.v + before * bend.v_before + after * bend.v_after
         # Between points that coincide the time is 0.
-        time = 0.5 * square * (a_metre + 1.0 / _headway(bu, bv, dx, dy, polar))
+        time = 0.5 * square * (a_metre + metre / _headway(bu, bv, dx, dy, polar))
         is_known = square <= step * step and since == before + after
         totals[i] = departure[i] + (time if is_known else math.sqrt(square) / fastest)
         timed[i] = is_known

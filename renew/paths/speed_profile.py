@@ -162,13 +162,13 @@ class _SteadyPath:
 
     def time(self, speeds: FloatArray) -> float:
         """Return the duration (s) at speeds (p, 4) through water."""
-        return float(self._pieces.total(self._slowness(speeds)).sum())
+        return float(self._total(self._slowness(speeds)).sum())
 
     def cost(self, speeds: FloatArray) -> tuple[float, float]:
         """Return duration (s) and fuel at speeds (p, 4)."""
         slowness, vessel = self._slowness(speeds), self._voyage.vessel
-        fuel = self._pieces.total(slowness * speeds**vessel.fuel_exponent).sum()
-        return float(self._pieces.total(slowness).sum()), vessel.fuel_coefficient * float(fuel)
+        fuel = self._total(slowness * speeds**vessel.fuel_exponent).sum()
+        return float(self._total(slowness).sum()), vessel.fuel_coefficient * float(fuel)
 
     def legs(self, speeds: FloatArray) -> IntArray:
         """Return the leg (p,) of each piece: straight, of similar speeds."""
@@ -179,13 +179,13 @@ class _SteadyPath:
         speeds = self.speeds(price)
         slowness = self._slowness(speeds)
         first = np.flatnonzero(np.diff(legs, prepend=-1))
-        way = np.add.reduceat(self._pieces.total(slowness * speeds), first)
-        return np.asarray(way / np.add.reduceat(self._pieces.total(slowness), first))
+        way = np.add.reduceat(self._total(slowness * speeds), first)
+        return np.asarray(way / np.add.reduceat(self._total(slowness), first))
 
     def profile(self, speeds: FloatArray, legs: IntArray) -> SpeedProfile:
         """Return the profile at one speed per leg (p,) of the pieces."""
         pieces, voyage = self._pieces, self._voyage
-        taken = pieces.total(self._slowness(speeds[legs][:, None]))
+        taken = self._total(self._slowness(speeds[legs][:, None]))
         first = np.flatnonzero(np.diff(legs, prepend=-1))
         # The place where a piece begins is computed back from its first node.
         step = pieces.length[first, None] * pieces.tangent[first, 0]
@@ -201,10 +201,14 @@ class _SteadyPath:
         return SpeedProfile(path, speeds, times, float(fuel), math.inf)
 
     def _slowness(self, speeds: FloatArray) -> FloatArray:
-        """Return seconds per metre (p, 4) at speeds through water, or inf if no way is made."""
+        """Return seconds per true metre (p, 4) at speeds through water; inf if no way is made."""
         made = self._made(speeds)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(made > 0, 1 / made, np.inf)
+
+    def _total(self, a_metre: FloatArray) -> FloatArray:
+        """Return the integral over each piece (p,) of a quantity per true metre (p, 4)."""
+        return self._pieces.total(a_metre, self._voyage.chart)
 
     def _made(self, speeds: FloatArray) -> FloatArray:
         """Return speeds over ground (p, 4), m/s, at speeds through water."""
@@ -558,8 +562,15 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
 def _flown(path: FloatArray, speeds: FloatArray, voyage: Voyage) -> SpeedProfile:
     """Return a path (n, 2) sailed at speeds (n - 1,) in the current itself."""
     vessel = voyage.vessel
-    drift, departure = voyage.drift, voyage.departure
-    passed = passage(path, voyage.current, vessel, speeds=speeds, drift=drift, departure=departure)
+    passed = passage(
+        path,
+        voyage.current,
+        vessel,
+        speeds=speeds,
+        drift=voyage.drift,
+        departure=voyage.departure,
+        chart=voyage.chart,
+    )
     at_points = passed.at_points
     rate = vessel.fuel_coefficient * speeds**vessel.fuel_exponent
     fuel = float((rate * np.diff(at_points)).sum()) if math.isfinite(at_points[-1]) else math.inf

@@ -24,7 +24,7 @@ from renew._types import BoolArray, FloatArray
 from renew.classes.dual_graph import Channel
 from renew.classes.triangulation import Triangulation, overpowering_below
 from renew.errors import InfeasibleError, Text, UnreachableError
-from renew.kernels.current_table import overpowered_spells, velocities, velocity
+from renew.kernels.current_table import metre_at, overpowered_spells, velocities, velocity
 from renew.kernels.viterbi import TOO_STRONG, slowness
 from renew.paths.sections import sections_of
 from renew.results import OverpoweredHours
@@ -250,7 +250,8 @@ def _spells_met_waiting(points: FloatArray, is_shut: BoolArray, voyage: Voyage) 
             return
         (x, y), (tx, ty) = points[at], legs[at] / lengths[at]
         u, v = velocity(voyage.table, x, y, now)
-        now += lengths[at] * slowness(u, v, tx, ty, voyage.polar)
+        metres = lengths[at] * metre_at(voyage.table, x, y)
+        now += metres * slowness(u, v, tx, ty, voyage.polar)
 
 
 def _longest_of_stretches(

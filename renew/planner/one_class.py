@@ -181,7 +181,7 @@ class ClassPlanner:
             path=path,
             trajectory=trajectory,
             fuel=fuel,
-            length=float(line.length),
+            length=voyage.chart.length(path),
             clearance=float(clearance),
             duration=duration,
             times=times,

@@ -18,7 +18,7 @@ from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, leg_is_clear
-from renew.kernels.current_table import CurrentTable, velocity
+from renew.kernels.current_table import CurrentTable, mean_metre, velocity
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
@@ -167,16 +167,17 @@ def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> floa
     if length == 0.0:
         return 0.0
     pieces = math.ceil(length / longest)
+    metres = length * mean_metre(water.table, leg.ax, leg.ay, leg.bx, leg.by)
     total, last, behind = 0.0, 1.0 / water.polar.speed, 0.0
     for piece in range(pieces):
         for within in _GAUSS:
             place = (piece + within) / pieces
             # Time to this point, at the slowness of the point before.
-            begin += last * (place - behind) * length
+            begin += last * (place - behind) * metres
             u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, begin)
             last, behind = slowness(u, v, dx / length, dy / length, water.polar), place
             total += last
-    return total * length / (2 * pieces)
+    return total * metres / (2 * pieces)
 
 
 @kernel

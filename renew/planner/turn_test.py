@@ -63,6 +63,7 @@ class TurnTest:
         voyage, time = self._voyage, np.zeros(begin.shape[:-1])
         length = np.linalg.norm(end - begin, axis=-1)
         along = (end - begin) / np.maximum(length, 1e-300)[..., None]
+        length = length * voyage.chart.true_metres((begin + end) / 2)
         for place, weight in zip(_PLACES, _WEIGHTS, strict=True):
             points = begin + place * (end - begin)
             velocity = self._field.velocity(points, np.float64(0.0))

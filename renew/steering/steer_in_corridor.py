@@ -205,7 +205,7 @@ def steer_as_drawn(
             raise InfeasibleError(
                 "the corridor is too narrow near {0} to round its corners in", piece[clear.argmin()]
             )
-    trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure, speeds)
+    trajectory = steer(path, voyage.current, voyage.vessel, voyage.departure, speeds, voyage.chart)
     track = for_kernels(trajectory[:, 1:3])
     edges = corridor.padded
     land = Capsules(edges.start, edges.end, np.full(len(edges.edge), -1.0))

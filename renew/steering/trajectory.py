@@ -19,7 +19,7 @@ import numpy as np
 from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError, TooSharpError
-from renew.inputs.chart_and_vessel import Vessel
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField
 from renew.kernels.capsules import Capsules, legs_are_clear, wrapped
 from renew.kernels.ground_speed import ground_speed, sailing_at
@@ -50,18 +50,22 @@ def steer(
     vessel: Vessel,
     departure: float = 0.0,
     speeds: FloatArray | None = None,
+    chart: Chart | None = None,
 ) -> FloatArray:
     """Return the trajectory (m, 4) along a path (n, 2): t (s), x, y (m), heading (rad).
 
     It begins at the departure, on the clock of a changing current, and has rounded corners. Legs
-    are sailed at the vessel's speed, or at speeds (n - 1,) through water.
+    are sailed at the vessel's speed, or at speeds (n - 1,) through water. With a `chart`, by its
+    metres.
 
     The vessel crabs: in each row the ground velocity v (cos θ, sin θ) + c runs along the path.
     Post-condition: |Δθ/Δt| <= ω between rows. Raises InfeasibleError, with the reason, if that is
     impossible.
     """
     own = np.full(len(path) - 1, vessel.speed) if speeds is None else speeds
-    times = reading_times(path, current, vessel, "crab", departure, own)
+    # The vessel's turns are those of the plane, and the trajectory's times those of true metres.
+    turn_rate = vessel.turn_rate if chart is None else vessel.turn_rate / float(chart.metres.min())
+    times = reading_times(path, current, vessel, "crab", departure, own, chart)
     radius = corner_radius(path, current, vessel, times[1:-1], own)
     corners = path
     if speeds is not None:
@@ -75,10 +79,13 @@ def steer(
         curve = _rounded(corners, radius)
         middles = (curve.points[:-1] + curve.points[1:]) / 2
         through_water = speeds_along(middles, path, own)
+        lengths = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
+        if chart is not None:
+            lengths *= chart.true_metres(middles)
         guess = np.interp(shares(curve.points), shares(path), times)
-        trajectory = _crab_along(curve, current, through_water, guess)
+        trajectory = _crab_along(curve, current, (through_water, lengths), guess)
         turning = np.abs(np.diff(trajectory[:, 3]))
-        excess = turning / np.maximum(vessel.turn_rate * np.diff(trajectory[:, 0]), 1e-300)
+        excess = turning / np.maximum(turn_rate * np.diff(trajectory[:, 0]), 1e-300)
         fast = excess > 1 + 1e-9
         if not fast.any():
             return trajectory
@@ -92,7 +99,7 @@ def steer(
     where = trajectory[:-1][fast][0]
     raise InfeasibleError(
         "to hold the course at {0} in the current there the vessel would have to turn faster than "
-        f"{np.degrees(vessel.turn_rate):.1f} degrees a second",
+        f"{np.degrees(turn_rate):.1f} degrees a second",
         where[1:3],
     )
 
@@ -206,23 +213,24 @@ def _densified(
 
 
 def _crab_along(
-    curve: _Curve, current: CurrentField, through_water: FloatArray, guess: FloatArray
+    curve: _Curve,
+    current: CurrentField,
+    legs: tuple[FloatArray, FloatArray],
+    guess: FloatArray,
 ) -> FloatArray:
     """Return the trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule.
 
     The times (m,), s, are a guess: the first is the departure, and the others shorten the search.
-    Legs are sailed at speeds (m - 1,) through water; where these change, the heading is that of
-    their mean.
+    `legs` are sailed at speeds (m - 1,) through water and have lengths (m - 1,) in true metres;
+    where the speed changes, the heading is that of the mean.
     """
-    velocity = np.empty(curve.points.shape)
+    velocity, (through_water, lengths) = np.empty(curve.points.shape), legs
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
         """Return the time (p,), s, over some legs, given the times (p + 1,) at their ends."""
         ends = slice(some.start, some.stop + 1)
         velocity[ends] = current.velocity(curve.points[ends], times)
-        return _durations(
-            curve.points[ends], curve.course[ends], velocity[ends], through_water[some]
-        )
+        return _durations(lengths[some], curve.course[ends], velocity[ends], through_water[some])
 
     time = times_under_way(
         durations, len(through_water), float(guess[0]), is_steady=current.is_steady, guess=guess
@@ -236,18 +244,17 @@ def _crab_along(
 
 @kernel
 def _durations(
-    points: FloatArray, course: FloatArray, velocity: FloatArray, through_water: FloatArray
+    lengths: FloatArray, course: FloatArray, velocity: FloatArray, through_water: FloatArray
 ) -> FloatArray:
     """Return the time (n - 1,), s, over each leg in currents (n, 2); inf if no way is made."""
-    durations = np.empty(len(points) - 1)
+    durations = np.empty(len(lengths))
     for k in range(len(durations)):
         polar, slowness = sailing_at(through_water[k], crab=True, most=0.0), 0.0
         for at in (k, k + 1):
             u, v = velocity[at]
             made = ground_speed(u, v, math.cos(course[at]), math.sin(course[at]), polar)
             slowness += 1.0 / made if made > 0.0 else math.inf
-        way = math.hypot(points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1])
-        durations[k] = way * slowness / 2
+        durations[k] = lengths[k] * slowness / 2
     return durations
 
 

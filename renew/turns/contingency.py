@@ -142,8 +142,8 @@ def contingency(
         speeds = getattr(route, "speeds", None)
     own = speeds_by_leg(speeds, vessel, len(path) - 1)
     speed = speeds_along(points, path, own)
-    vessel = replace(vessel, speed=float(own.max()))
-    times = reading_times(points, field, vessel, drift, departure, speed[:-1])
+    vessel = chart.turning(replace(vessel, speed=float(own.max())))
+    times = reading_times(points, field, vessel, drift, departure, speed[:-1], chart)
     passed: tuple[FloatArray, ...] = (times,)
     if not field.is_steady:
         early, late = early_and_late(times, departure, lateness, min_lateness)

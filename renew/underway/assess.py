@@ -163,7 +163,8 @@ def _as_drawn(path: FloatArray, request: Request, bound: FuelBound, homotopy: st
     """Return a path (n, 2) as a route without padding, whose corners are not rounded."""
     vessel, chart, drift = request.vessel, request.chart, request.options.drift
     begun = float(request.departure)
-    times = passage(path, request.current, vessel, drift=drift, departure=begun).at_points
+    passed = passage(path, request.current, vessel, drift=drift, departure=begun, chart=chart)
+    times = passed.at_points
     line, steps = shapely.LineString(path), np.diff(path, axis=0)
     heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     fuel = float(vessel.fuel_rate * (times[-1] - begun))
@@ -171,7 +172,7 @@ def _as_drawn(path: FloatArray, request: Request, bound: FuelBound, homotopy: st
         path=path,
         trajectory=np.column_stack([times, path, np.append(heading, heading[-1])]),
         fuel=fuel,
-        length=float(line.length),
+        length=chart.length(path),
         clearance=float(shapely.distance(line, chart.hard_no_go)) if chart.no_go else math.inf,
         duration=float(times[-1] - begun),
         times=times,

@@ -269,11 +269,12 @@ def _leg_to(point: FloatArray, planner: ClassPlanner, heading: float | None) -> 
     voyage = planner.problem.voyage
     leg = np.vstack([voyage.start, point])
     if heading is None:
-        return steer(leg, voyage.current, voyage.vessel, voyage.departure)
+        return steer(leg, voyage.current, voyage.vessel, voyage.departure, chart=voyage.chart)
     for arc in first_arcs(heading, leg, voyage):
         if shapely.intersects(shapely.LineString(arc.way), voyage.chart.hard_no_go):
             continue
-        rows = steer(arc.way, voyage.current, voyage.vessel, float(arc.rows[-1, 0]))
+        begun, chart = float(arc.rows[-1, 0]), voyage.chart
+        rows = steer(arc.way, voyage.current, voyage.vessel, begun, chart=chart)
         return np.vstack([arc.rows[:-1], _unwound(rows, arc.rows)])
     raise InfeasibleError("from its heading at {0} there is no room to turn", voyage.start)
 
@@ -355,7 +356,7 @@ def _joined(rows: FloatArray, route_after: Route, planner: ClassPlanner) -> Rout
         path=path,
         trajectory=np.vstack([lead, _unwound(route_after.trajectory, rows)]),
         fuel=fuel,
-        length=float(shapely.LineString(path).length),
+        length=voyage.chart.length(path),
         clearance=min(near, route_after.clearance),
         duration=float(times[-1] - times[0]),
         times=times,

@@ -18,7 +18,7 @@ import shapely
 from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError, as_floats, check_kind, is_finite, shown
-from renew.inputs.chart_and_vessel import Vessel
+from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.options import Drift, choice_faults
 from renew.kernels.ground_speed import ground_speed as made_along, ground_speeds, sailing_at
@@ -93,8 +93,9 @@ class Pieces(NamedTuple):
         """Cut a path."""
         return cls(*_cut(for_kernels(path)))
 
-    def total(self, a_metre: FloatArray) -> FloatArray:
-        """Return the integral over each piece (p,) of a quantity per metre at its nodes (p, 4)."""
+    def total(self, a_metre: FloatArray, chart: Chart) -> FloatArray:
+        """Return the integral over each piece (p,) of a quantity per true metre at nodes (p, 4)."""
+        a_metre = a_metre * chart.true_metres(self.points)
         whole = (a_metre * (_WEIGHTS / 2)).sum(axis=1) * self.length
         return np.asarray(np.where(self.length > 0, whole, 0))
 
@@ -132,14 +133,17 @@ def _cut(path: FloatArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
 def _durations(
     velocity: FloatArray, tangent: FloatArray, length: FloatArray, speed: FloatArray, crab: bool
 ) -> FloatArray:
-    """Return the time (s,), s, over `Pieces` in currents (s, 4, 2) at their nodes, at speeds."""
+    """Return the time (s,), s, over `Pieces` in currents (s, 4, 2) at their nodes, at speeds.
+
+    `length` (s, 4), m, is a piece's, in the metres at each node.
+    """
     durations = np.zeros(len(length))
     for k in range(len(length)):
         polar = sailing_at(speed[k], crab, 0.0)
         tx, ty = tangent[k, 0]
-        for node in range(4 if length[k] > 0 else 0):
+        for node in range(4 if length[k, 0] > 0 else 0):
             made = made_along(velocity[k, node, 0], velocity[k, node, 1], tx, ty, polar)
-            durations[k] += _WEIGHTS[node] / 2 * length[k] / made if made > 0 else math.inf
+            durations[k] += _WEIGHTS[node] / 2 * length[k, node] / made if made > 0 else math.inf
     return durations
 
 
@@ -179,11 +183,12 @@ def passage(
     guess: FloatArray | None = None,
     drift: Drift = "projected",
     departure: float = 0.0,
+    chart: Chart | None = None,
 ) -> TimesOfPassage:
     """Return the passage along a path (n, 2), with the clock running from the departure (s).
 
     Legs are sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. With a `guess`
-    of the times (n,) at the path's points, s, it is found sooner.
+    of the times (n,) at the path's points, s, it is found sooner. With a `chart`, by its metres.
     """
     path = as_path(path)
     for fault in choice_faults("drift", drift):
@@ -195,12 +200,16 @@ def passage(
     pieces = Pieces.of(path)
     leg = pieces.leg
     through_water = speeds_by_leg(speeds, vessel, len(path) - 1)[leg]
+    metres = (
+        np.ones(pieces.points.shape[:-1]) if chart is None else chart.true_metres(pieces.points)
+    )
+    lengths = for_kernels(pieces.length[:, None] * metres)
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
         """Return the time (p,), s, over some pieces, given the times (p + 1,) at their ends."""
         when = times[:-1, None] + WITHIN * np.diff(times)[:, None]
         velocity = for_kernels(field.velocity(pieces.points[some], when))
-        tangent, length = pieces.tangent[some], pieces.length[some]
+        tangent, length = pieces.tangent[some], lengths[some]
         return _durations(velocity, tangent, length, through_water[some], drift == "crab")
 
     if guess is not None:
@@ -230,6 +239,7 @@ def reading_times(
     drift: Drift,
     begin: float,
     speeds: FloatArray,
+    chart: Chart | None = None,
 ) -> FloatArray:
     """Return times (n,), s, at which the current at the points of a path (n, 2) is to be read.
 
@@ -238,7 +248,9 @@ def reading_times(
     """
     if current.is_steady or len(path) < 2:
         return np.full(len(path), begin)
-    passed = passage(path, current, vessel, drift=drift, departure=begin, speeds=speeds)
+    passed = passage(
+        path, current, vessel, drift=drift, departure=begin, speeds=speeds, chart=chart
+    )
     return np.asarray(np.minimum(passed.at_points, passed.times[np.isfinite(passed.times)][-1]))
 
 
@@ -343,6 +355,7 @@ def fuel(
     drift: Drift = "projected",
     departure: float = 0.0,
     speeds: FloatArray | None = None,
+    chart: Chart | None = None,
 ) -> float:
     """Return fuel to follow a path (paper, Eq. 4), at constant thrust or at a speed for each leg.
 
@@ -360,6 +373,8 @@ def fuel(
         When the path is begun (s), on the clock of a current that changes.
     speeds : array_like, optional
         Speeds through water (n - 1,), m/s, one a leg; by default all are the vessel's.
+    chart : Chart, optional
+        Where the path lies: with a `point_scale` its metres count, not the plane's.
 
     Returns
     -------
@@ -372,7 +387,9 @@ def fuel(
     ParameterError
         A path or speeds of another shape or not finite, no vessel, or an unknown drift model.
     """
-    leg, times = passage(path, current, vessel, drift=drift, departure=departure, speeds=speeds)
+    leg, times = passage(
+        path, current, vessel, drift=drift, departure=departure, speeds=speeds, chart=chart
+    )
     if speeds is None:
         return float(vessel.fuel_rate * (times[-1] - departure))
     rate = vessel.fuel_coefficient * as_floats("speeds", speeds)[leg] ** vessel.fuel_exponent

@@ -67,7 +67,8 @@ class Waters:
     @cached_property
     def table(self) -> CurrentTable:
         """The current as a table: the search for paths looks it up there."""
-        return self.current.table(self.chart.bounds)
+        table, chart = self.current.table(self.chart.bounds), self.chart
+        return table._replace(metres=chart.metres, metres_in=chart.metres_in)
 
     @cached_property
     def quick_current(self) -> CurrentField:
@@ -178,7 +179,7 @@ class Voyage:
     def least_duration(self) -> float:
         """Time (s) of the straight way with the strongest current behind: no voyage takes less."""
         way = sum(itertools.starmap(math.dist, itertools.pairwise(self.stops)))
-        return way / (self.vessel.speed + self.table.strongest)
+        return way * float(self.chart.metres.min()) / (self.vessel.speed + self.table.strongest)
 
     def part(self, at: int, departure: float) -> "Voyage":
         """Return the part from one stop to the next as a voyage of its own, begun at a time (s)."""
@@ -281,7 +282,7 @@ class Voyage:
             velocity = self.current.velocity(pieces.points, self.departure)
             made = made_good(velocity, pieces.tangent, self.polar)
             with np.errstate(divide="ignore", invalid="ignore"):
-                total = pieces.total(np.where(made > 0, 1 / made, np.inf)).sum()
+                total = pieces.total(np.where(made > 0, 1 / made, np.inf), self.chart).sum()
             return float(self.cost_rate * total)
         return float(self.vessel.fuel_rate * (self.arrivals(path)[-1] - self.departure))
 
@@ -309,6 +310,7 @@ class Voyage:
             guess=times,
             drift=self.drift,
             departure=self.departure,
+            chart=self.chart,
         )
         return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(passed.durations)]))
 

@@ -90,7 +90,7 @@ def plan_by_renew(result: RunResult, arrive_by_s: float) -> renew.Plan:
         case.vessel,
         case.start,
         case.goal,
-        **{**result.scenario.planner.model_dump(exclude={"snap"}), "clearance": 100.0},
+        **{**result.scenario.planner.model_dump(exclude={"snap", "lanes"}), "clearance": 100.0},
         min_lateness=3600.0,
         speed=SPEEDS,
         arrive_by=arrive_by_s,
@@ -110,4 +110,6 @@ def stretched(case: Case) -> Case:
 
     plane = case.projection
     other = Stretched(plane.crs, plane.scale, plane.central_longitude)
-    return replace(case, water=replace(case.water, projection=other))
+    given = case.water.chart
+    chart = renew.Chart(given.extent, given.no_go, point_scale=other.scale_at)
+    return replace(case, water=replace(case.water, chart=chart, projection=other))

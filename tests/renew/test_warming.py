@@ -56,7 +56,7 @@ print(json.dumps(found))
 # A catalogue's options are tried on a small plane, each set of them once.
 OPTIONS = f"""{COUNTING}
     for name in sys.argv[1:]:
-        options = load_scenario(name).planner.model_dump(exclude={{"snap"}})
+        options = load_scenario(name).planner.model_dump(exclude={{"snap", "lanes"}})
         options["clearance"] = options["clearance"] or 0.0
         if repr(options) not in found:
             found[repr(options)] = number(chart, grid, *ends, **options)

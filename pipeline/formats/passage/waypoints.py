@@ -216,7 +216,9 @@ def _fuel_along(line: FloatArray, ranked: RankedRoute) -> float:
     """Return the fuel along a line (n, 2) of the plane, in the planner's units."""
     pieces, _, speeds = at_speeds_sailed(line, ranked)
     case, drift = ranked.case.case, ranked.case.scenario.planner.drift
-    return renew.fuel(pieces, case.current, case.vessel, drift=drift, speeds=speeds)
+    return renew.fuel(
+        pieces, case.current, case.vessel, drift=drift, speeds=speeds, chart=case.chart
+    )
 
 
 def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing) -> FloatArray:

@@ -168,6 +168,7 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(
             result.case("now").case.current,
             result.cases[0].case.vessel,
             drift=result.scenario.planner.drift,
+            chart=result.water.chart,
         )
         assert case["keep_fuel"] == pytest.approx(kept, rel=1e-12)
 

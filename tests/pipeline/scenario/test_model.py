@@ -49,6 +49,8 @@ def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:
     assert taken.pop("min_lateness") == 0.0
     # It moves a scenario's stops before there is a plan.
     assert options.pop("snap") == 0.0
+    # It is kept between plans.
+    assert options.pop("lanes") is None
     assert options == taken
     assert {name: type(value) for name, value in options.items()} == {
         name: type(value) for name, value in taken.items()
@@ -185,7 +187,11 @@ def test_changing_currents_are_planned_at_true_scale() -> None:
 
 def test_the_planners_ranges_are_those_of_plan() -> None:
     for name, field in PlannerOptions.model_fields.items():
-        if name in {"clearance", "snap"}:  # a type's range, beside None; no option of plan()
+        if name in {
+            "clearance",
+            "lanes",
+            "snap",
+        }:  # a type's range, beside None; no option of plan()
             continue
         limits = {
             key: getattr(one, key)

@@ -316,7 +316,7 @@ def test_the_choice_is_of_what_renew_plans(result: Any, tmp_path: Path) -> None:
             result.stops[-1],
             departure=at,
             min_lateness=3600.0,
-            **options.model_dump(exclude={"snap"}),
+            **options.model_dump(exclude={"snap", "lanes"}),
         )
         assert plan.best.fuel == pytest.approx(fuel, rel=2e-3)
 

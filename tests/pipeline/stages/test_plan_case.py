@@ -21,7 +21,6 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import legs
 from pipeline.geo.projection import Projection
 from pipeline.model import Case, CaseResult
-from pipeline.model.case import true_duration_s
 from pipeline.run import run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions, Scenario
@@ -275,7 +274,7 @@ def test_where_the_planes_scale_varies_it_is_planned_closer(result: RunResult) -
     case = chosen_speeds.stretched(result.planned["chosen"])
     plan = planned_case(case, asked.planner)
     assert plan.plan is not None
-    durations = [true_duration_s(route, case) for route in plan.plan.routes]
+    durations = [route.duration * case.projection.scale for route in plan.plan.routes]
     within_s = chosen_speeds.choice().within_s
     assert max(durations) <= within_s
     assert durations[0] >= (1 - 1e-3) * within_s
@@ -295,16 +294,18 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(result: RunResult)
 def test_a_plan_without_a_clock_is_sailed_in_time() -> None:
     """In a turning tide its speeds get the least factor at which it arrives in time."""
     result = planned()
-    route, current = result.routes[0].route, result.case("tide").case.current
+    route, case = result.routes[0].route, result.case("tide").case
     choice = chosen_speeds.choice()
     by = 1.2 * route.duration
-    speeds = speeds_in_time(route, current, choice, by, "crab")
+    speeds = speeds_in_time(route, case, choice, by, "crab")
     assert speeds is not None
     vessel = replace(result.cases[0].case.vessel, speed=choice.most)
     unit = replace(vessel, fuel_coefficient=1.0, fuel_exponent=1e-9)
-    taken = renew.fuel(route.path, current, unit, drift="crab", speeds=speeds)
+    taken = renew.fuel(
+        route.path, case.current, unit, drift="crab", speeds=speeds, chart=case.chart
+    )
     assert taken == pytest.approx(by, rel=1e-5)
-    assert speeds_in_time(route, current, choice, 0.3 * route.duration, "crab") is None
+    assert speeds_in_time(route, case, choice, 0.3 * route.duration, "crab") is None
 
 
 @pytest.mark.slow

@@ -69,6 +69,7 @@ def grid_over(
         np.zeros((nodes - 1, nodes - 1)),
         wet_cells(chart, x, y),
         Polar(1.0, crab),
+        np.ones((nodes - 1, nodes - 1)),
     )
 
 

@@ -386,7 +386,7 @@ def test_a_planted_lane_has_its_course_and_who_sails_against_it_is_told() -> Non
     assert [z.course_deg for z in zones if z.kind == "traffic"] == [0.0, 180.0]
 
     def told(*line: tuple[float, float]) -> list[tuple[str, float]]:
-        return [(one.name, one.length_m) for one in against_lanes(np.array(line), zones)]
+        return [(one.zone.name, one.length_m) for one in against_lanes(np.array(line), zones)]
 
     up, down = ((0.003, 0.0), (0.003, 0.01)), ((0.007, 0.01), (0.007, 0.0))
     length_m = GEOD.inv(0.003, 0.002, 0.003, 0.008)[2]
