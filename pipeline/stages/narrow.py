@@ -26,7 +26,7 @@ _TO_SPARE = 1.05
 # Water this many times as wide as a turn's reach to a side is not what is narrow: an islet is.
 _WIDE = 2.0
 # A vessel turns faster than it can where it turns by this factor more than its turn rate.
-_FASTER = 1.001
+_FASTER = 1.05
 
 
 def narrow_stretches(
@@ -92,7 +92,7 @@ def _aside(room: Room, at: int, line: shapely.LineString) -> FloatArray:
 
 
 def _width(room: Room, at: int, line: shapely.LineString, land: renew.Chart) -> float:
-    """Return the width of the water across a path at a station, m; inf if that is not what is narrow."""
+    """Return the width of the water across a path at a station, m; inf if it is wide there."""
     aside, point = _aside(room, at, line), room.points[at]
     xmin, ymin, xmax, ymax = land.bounds
     far = math.hypot(xmax - xmin, ymax - ymin)
