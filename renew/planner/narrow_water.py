@@ -54,17 +54,28 @@ _PIECE = 0.5
 _HALVINGS = 12
 
 
-def with_room(
+def with_room(corridor: Corridor, triangulation: Triangulation, least: float) -> Corridor:
+    """Return a corridor whose padding leaves a way through its channel, in pieces.
+
+    Padding of up to `least` m never yields.
+    """
+    voyage, padded = corridor.voyage, list[PaddedEdges]()
+    for part, _ in corridor.parts(corridor.channel.rough_path(voyage.start, voyage.goal)):
+        pieces = _with_room(part.padded, part.channel, part.voyage, triangulation, least)
+        first = sum(len(one.edge) for one in padded)
+        # The pieces of each part are edges of their own.
+        padded.append(replace(pieces, edge=first + np.arange(len(pieces.edge))))
+    return replace(corridor.with_padding(padded), is_fitted=True)
+
+
+def _with_room(
     padded: PaddedEdges,
     channel: Channel,
     voyage: Voyage,
     triangulation: Triangulation,
     least: float,
 ) -> PaddedEdges:
-    """Return padding that leaves a way through a channel without via points, in pieces.
-
-    Padding of up to `least` m never yields.
-    """
+    """Return padding that leaves a way through a channel without via points."""
     slack = SLACK * voyage.vessel.turning_radius
     middles = _middles(padded, channel, voyage, triangulation)
     if not len(middles):
@@ -85,7 +96,7 @@ def with_room(
     # Paths keep off padding by the slack. Where there is less room, padding is below 0 by a part of
     # it, which counts as none.
     room = np.maximum(apart - 3 * slack, apart / 2 - slack)
-    most = np.maximum(np.minimum(_SHARE * apart, room), least)
+    most = np.minimum(pieces.most, np.maximum(np.minimum(_SHARE * apart, room), least))
     padding = np.minimum(pieces.padding, most)
     return replace(pieces, padding=padding, turns=np.minimum(pieces.turns, padding), most=most)
 
