@@ -17,33 +17,33 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_465, 28),
     "pipeline": (1_120, 12),
-    "pipeline/cli": (2_613, 6),
-    "pipeline/findings": (3_611, 17),
-    "pipeline/formats": (7_858, 15),
+    "pipeline/cli": (2_614, 6),
+    "pipeline/findings": (3_619, 17),
+    "pipeline/formats": (7_861, 15),
     "pipeline/geo": (854, 4),
-    "pipeline/machine": (1_627, 10),
+    "pipeline/machine": (1_661, 10),
     "pipeline/model": (1_439, 35),
     "pipeline/nightly": (3_620, 28),
-    "pipeline/scenario": (2_571, 36),
+    "pipeline/scenario": (2_579, 36),
     "pipeline/serve": (1_484, 9),
-    "pipeline/sources": (9_586, 42),
-    "pipeline/stages": (5_103, 15),
-    "pipeline/voyage": (2_398, 9),
+    "pipeline/sources": (10_208, 44),
+    "pipeline/stages": (5_122, 15),
+    "pipeline/voyage": (2_405, 9),
     "renew/bounds": (1_603, 8),
     "renew/classes": (2_418, 14),
     "renew/inputs": (2_151, 23),
     "renew/kernels": (2_107, 18),
     "renew/paths": (1_843, 9),
-    "renew/planner": (3_361, 11),
+    "renew/planner": (3_375, 11),
     "renew/steering": (896, 1),
     "renew/turns": (1_635, 13),
     "renew/underway": (2_096, 12),
     "renew/vary": (1_825, 9),
     "renew/voyage": (769, 5),
 }
-MOST_FILES = 220
+MOST_FILES = 222
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 532)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 533)}
 
 
 def modules(room: str) -> dict[Path, str]:

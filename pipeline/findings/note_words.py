@@ -327,8 +327,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "tide-too-low": _tide_too_low,
     "tide-unknown": "water as at {place} is deep enough for some hours only, and no station counts "
-    "there: the nearest is more than 10 km away by water. Routes keep off it; add a station, "
-    "or give one a zone in a TOML file",
+    "there: the nearest is more than 10 km away by water, and no official levels reach so far. "
+    "Routes keep off it; add a station, or give one a zone in a TOML file",
     "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
     "unit-assumed": "{variable} has no unit: m/s is assumed",
     "unit-converted": "{variable} is in {unit}: converted to m/s",
@@ -371,6 +371,14 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "stop-moved": "{stop} lies on land: it was moved {moved_m:distance} to {place}, the nearest "
     "water that joins start and goal; planner.snap (--snap) sets how far, and 0 means not at all",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
+    "levels-below-tide": "within 10 km of {station} the official levels are for {share:.0%} of the "
+    "water at some hour more than {surge_m:g} m lower than its tide, by up to {most_m:.2f} m: the "
+    "levels count where they reach, and beyond them that tide may be as much too high",
+    "levels-relied-on": lambda source, begin, until: (
+        f"the height of the water is that of {source} at each place and hour, from "
+        f"{text.moment_text(begin)} until {text.moment_text(until)}; outside these hours the lowest"
+        " of its levels counts"
+    ),
     "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "
     "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "
     "error of soundings is not taken off",

@@ -1,7 +1,10 @@
 """Paths given by the user: unusable ones are refused before a library fails or waits on them."""
 
+import contextlib
 import errno
 import os
+import re
+import shlex
 import stat
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,6 +19,20 @@ _OTHER_KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
+# What a packed file begins with, its kind, and the command that unpacks it.
+_PACKED = (
+    (b"\x1f\x8b", "gzip", "gunzip -k"),
+    (b"BZh", "bzip2", "bunzip2 -k"),
+    (b"PK\x03\x04", "zip", "unzip"),
+    (b"\xfd7zXZ", "xz", "unxz -k"),
+    (b"(\xb5/\xfd", "zstd", "unzstd"),
+)
+# What a tar archive has, the byte at which it has it, and the endings of packed ones.
+_TAR = b"ustar"
+_TAR_AT = 257
+_TAR_ENDS = re.compile(r"\.(tar\.\w+|t[gbx]z2?)$", re.IGNORECASE)
+# An address, also one that was taken for a path below a folder.
+_ADDRESS = re.compile(r"(^|/)(https?|ftps?|s3|gs|file):/", re.IGNORECASE)
 NOT_THERE = "does not exist"
 """The reason of `unreadable_reason` where nothing is at a path."""
 
@@ -38,6 +55,21 @@ def unreadable_reason(path: str | Path) -> str:
     is_folder = stat.S_ISDIR(mode)
     if not os.access(name, os.R_OK | os.X_OK if is_folder else os.R_OK):
         return f"may not be read; allow it, as with `chmod +r{'x' * is_folder}`"
+    return "" if is_folder else packed_reason(Path(name))
+
+
+def packed_reason(path: Path) -> str:
+    """Say how a file is packed, with the command that unpacks it; empty if it is not."""
+    begin = b""
+    if path.is_file():  # a FIFO would wait
+        with contextlib.suppress(OSError), path.open("rb") as file:
+            begin = file.read(_TAR_AT + len(_TAR))
+    kinds = [row[1:] for row in _PACKED if begin.startswith(row[0])]
+    if begin[_TAR_AT:] == _TAR or (kinds and _TAR_ENDS.search(path.name)):
+        kinds = [("tar", "tar -xf")]
+    for kind, command in kinds:
+        done = f"{command} {shlex.quote(path.name)}"
+        return f"is packed ({kind}); give what `{done}` makes of it"
     return ""
 
 
@@ -132,6 +164,8 @@ def unusable_reason(name: str) -> str:
     """Say why a text can't be a path, with the remedy; empty when it can."""
     if character := acts(name):
         return f"has in its name {character}; rename it"
+    if _ADDRESS.search(name):
+        return "is an address; download it first, and give the file"
     try:
         Path(name).expanduser()
     except RuntimeError:

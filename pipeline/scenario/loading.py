@@ -17,7 +17,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from pipeline.errors import Fault, Faults, RequestError
-from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
+from pipeline.machine.paths import (
+    NOT_THERE,
+    resolved,
+    shown,
+    unreadable_reason,
+    unusable_reason,
+    working_directory,
+)
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE, ScenarioFile
 from pipeline.scenario.model import Scenario, wait_at
@@ -359,10 +366,8 @@ def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> No
     for name in map(str, asked):
         if name in known or glob.has_magic(name):
             continue
-        if "://" in name:
-            faults.append(
-                f"{key} {shown(name)} is an address; download it first, and give the file"
-            )
+        if reason := unusable_reason(name):
+            faults.append(f"{key} {shown(name)} {reason}")
             continue
         reason = unreadable_reason(resolved(name, key))
         if reason == NOT_THERE:

@@ -91,7 +91,7 @@ class TideSpec(StrictModel):
     )
     """Tide stations. Each counts in its zone, or else in the waters to which it is the nearest by
     water, within 10 km. Give names of the catalogue (`renew list`), or paths of files with harmonic
-    constants."""
+    constants; or of official water levels (S-104), which count where and while they reach."""
     surge_m: strict.NonNegative = 0.3
     """Height by which the water may stand lower than predicted, by wind and air pressure, metres.
     Give metres, 0 or more."""

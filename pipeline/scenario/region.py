@@ -1,6 +1,6 @@
 """The area of a scenario: its region or plane, the chart of its land, and areas to avoid."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
     AwareDatetime,
@@ -195,9 +195,12 @@ class ChartSpec(StrictModel):
     """Sources of land: what one of them marks as no-go is no-go. Give a source's name (`renew
     list`), a path, a table, or a list of them."""
     depths: strict.PathText = Field(default="", examples=["gebco.nc"])
-    """Grid of depths in NetCDF, as of GEBCO or EMODnet: what it shows shallower than the vessel's
-    draught plus the under-keel clearance is no-go, with one cell around; relative paths start at
-    the scenario's folder. Give a NetCDF file, or leave it out."""
+    """Grid of depths, NetCDF as of GEBCO or EMODnet, S-102, BAG or GeoTIFF: what it shows shallower
+    than the vessel's draught plus the under-keel clearance is no-go, with one cell around; relative
+    paths start at the scenario's folder. Give a file, or leave it out."""
+    depths_positive: Literal["", "up", "down"] = Field(default="", examples=["up"])
+    """Whether the grid of depths has heights in metres, which count up, or depths, which count
+    down, where the file does not say it. Give 'up' or 'down', or leave it out."""
     under_keel_clearance_m: NonNegative = 1.0
     """Under-keel clearance, metres: on charts with depths, water shallower than the vessel's
     draught plus this is no-go; allow for waves, and without a [tide] for low water. Give metres, 0

@@ -3,11 +3,11 @@
 An area that any of several charts forbids is no-go. With depths, water too shallow for the vessel
 is no-go as well: the grid's cells that are too shallow, and one cell around them, as polygons.
 
-A file of depths follows the CF conventions, as those of GEBCO and EMODnet do, or is S-102. The
-variable is found by its standard name, else by its name. GEBCO's `elevation` is positive up, in
-metres, and so is EMODnet's; a depth is positive down, unless its attribute `positive` says
-otherwise. Of points on curved lines, as those of S-102 in UTM, the highest around each node of a
-table counts.
+A file of depths follows the CF conventions, as those of GEBCO and EMODnet do, or is S-102, BAG or
+GeoTIFF. The variable is found by its standard name, else by its name. GEBCO's `elevation` is
+positive up, in metres, and so is EMODnet's; a depth is positive down, unless its attribute
+`positive` says otherwise. Of points on curved lines, as those of S-102 in UTM, the highest around
+each node of a table counts.
 """
 
 import contextlib
@@ -36,6 +36,7 @@ from pipeline.sources.cf.axes import grid_fault
 from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset, reading
 from pipeline.sources.cf.fields import find_window, read_window
 from pipeline.sources.cf.mesh import SourceMesh
+from pipeline.sources.cf.s100 import option_of
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.land.s57 import DATUMS
@@ -66,8 +67,8 @@ _NAMES = {"elevation": 1.0, "depth": -1.0, "h": None, "z": None, "band1": None}
 _SIGNS = {"up": 1.0, "down": -1.0}
 _METRES = {"m", "meter", "meters", "metre", "metres"}
 _REMEDY = (
-    "give a GEBCO, EMODnet or ETOPO grid in NetCDF, or S-102, with 'elevation' in m, positive up, "
-    "or a depth by its CF standard name"
+    "give a GEBCO, EMODnet or ETOPO grid in NetCDF, S-102, BAG or GeoTIFF; or name it 'elevation', "
+    "in m, positive up, or a depth by its CF standard name"
 )
 # Largest number of cells in a region and around it: some 300 MB while they are read.
 _MAX_CELLS = 20_000_000
@@ -114,8 +115,10 @@ class DepthFile:
         return shown(self.path.name)
 
     @classmethod
-    def open(cls, path: Path) -> "DepthFile":
+    def open(cls, path: Path, positive: str = "") -> "DepthFile":
         """Read names, axes and attributes of a file, but no depths.
+
+        `positive` is "up" or "down" where the user says what the file does not.
 
         Raises
         ------
@@ -127,7 +130,7 @@ class DepthFile:
             if fatal := fatal_files([path]):
                 raise ValueError(fatal[path])
             with open_dataset(path) as dataset:
-                return _described(path, dataset)
+                return _described(path, dataset, positive)
 
     def heights(self, bounds: Bounds) -> Heights | None:
         """Read the part in bounds (west, south, east, north); None where there are no two nodes.
@@ -181,17 +184,30 @@ def _refused(path: Path) -> Iterator[None]:
         raise RequestError(f"chart.depths: {path.name}: {error}") from None
 
 
-def _described(path: Path, dataset: "xr.Dataset") -> DepthFile:
+def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
     """Find the variable of an open file; ValueError where there is none that can be used."""
     name, sign = _variable(dataset)
+    given = _SIGNS.get(positive)
+    if sign is None:
+        sign = given
+    elif given not in {None, sign}:
+        said = f"{name} is positive {'up' if sign > 0 else 'down'} by its name or what it says"
+        raise ValueError(f"{said}, not {positive}; leave that out")
+    if sign is None:
+        raise ValueError(
+            f"{name} does not say whether it counts up, as heights, or down, as depths; say it: "
+            f"{shown(path.name)},positive=up for heights in metres (depths_positive = 'up' in a "
+            "scenario's [chart]), positive=down for depths"
+        )
     array = dataset[name]
     check_values(array)
-    units = str(array.attrs.get("units", "")).strip()
+    units = str(array.attrs.get("units", "m" if given else "")).strip()
     if units.lower() not in _METRES:
         raise ValueError(
             f"{name} is in {units!r}, not in m; convert it, or set its attribute 'units'"
             if units
-            else f"{name} has no unit; set its attribute 'units' to m, if that is what it is in"
+            else f"{name} has no unit; if it is in metres, say so and which way it counts: "
+            f"{shown(path.name)},positive={'up' if sign > 0 else 'down'}"
         )
     array = array.isel({dim: 0 for dim, size in array.sizes.items() if size == 1})
     about = grids.coordinates(dataset, array)
@@ -209,14 +225,19 @@ def _described(path: Path, dataset: "xr.Dataset") -> DepthFile:
         title=attributes.get("title", ""),
         licence=attributes.get("license") or attributes.get("licence") or "",
         mesh=mesh,
-        datum=DATUMS.get(attributes.get("verticaldatum", ""), ""),
+        datum=_datum(attributes.get("verticaldatum", "")),
     )
 
 
-def _variable(dataset: "xr.Dataset") -> tuple[str, float]:
-    """Return the name of the variable, and the sign by which it becomes a height."""
+def _datum(stated: str) -> str:
+    """Return the datum that a file states by its name, or its number in S-57; else ""."""
+    return DATUMS.get(stated, stated if stated in DATUMS.values() else "")
+
+
+def _variable(dataset: "xr.Dataset") -> tuple[str, float | None]:
+    """Return the name of the variable, and the sign by which it becomes a height, if it is said."""
     there = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
-    signs = {
+    signs: dict[str, float | None] = {
         name: sign for name, array in there.items() if (sign := _standard_sign(array)) is not None
     } or {
         name: _named_sign(name, array)
@@ -233,22 +254,16 @@ def _variable(dataset: "xr.Dataset") -> tuple[str, float]:
     )
     if signs:
         raise ValueError(f"it has several grids of depths ({listed}); keep one of them")
-    raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}")
+    hint = option_of(dataset)
+    raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}{hint}")
 
 
-def _named_sign(name: str, array: "xr.DataArray") -> float:
-    """Return the sign of a variable by its usual name; ValueError where nothing says it."""
+def _named_sign(name: str, array: "xr.DataArray") -> float | None:
+    """Return the sign of a variable by its usual name; None where nothing says it."""
     said = " ".join((name, array.attrs.get("long_name", ""))).lower()
-    sign = _SIGNS.get(array.attrs.get("positive", ""), _NAMES[name.lower()])
-    if sign is None and said.startswith("h bathymetry"):  # ROMS, CROCO
-        sign = _SIGNS["down"]
-    if sign is None:
-        unit = "" if array.attrs.get("units") else f" -a units,{name},o,c,m"
-        raise ValueError(
-            f"{name} does not say whether it counts up, as heights, or down, as depths; say it, as "
-            f"with `ncatted -a positive,{name},o,c,up{unit}` for heights in m"
-        )
-    return sign
+    is_of_roms = said.startswith("h bathymetry")  # ROMS, CROCO
+    usual = _SIGNS["down"] if is_of_roms else _NAMES[name.lower()]
+    return _SIGNS.get(array.attrs.get("positive", ""), usual)
 
 
 def _standard_sign(array: "xr.DataArray") -> float | None:
@@ -340,11 +355,15 @@ _MIN_NOTED_SHARE = 0.005
 
 @dataclass(frozen=True)
 class SoundedChart:
-    """Land of any source, with depths from a file; `rule` says which are deep enough."""
+    """Land of any source, with depths from a file; `rule` says which are deep enough.
+
+    `datum` is that of the file's depths, "" if neither the file nor the scenario says it.
+    """
 
     chart: LandSource
     file: DepthFile
     rule: DepthRule
+    datum: str
 
     @property
     def identity(self) -> tuple[str, ...]:
@@ -352,7 +371,8 @@ class SoundedChart:
         path = self.file.path
         status = path.stat()
         digest = _hash(path, status.st_size, status.st_mtime_ns)
-        return (*self.chart.identity, "depths", f"{self.rule!r}", digest)
+        said = f"{self.file.sign:g} {self.datum}"
+        return (*self.chart.identity, "depths", f"{self.rule!r}", said, digest)
 
     def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees), and the water that is too shallow.
@@ -384,6 +404,9 @@ class SoundedChart:
             notes=(*land.notes, *self._notes(heights, region)),
             zones=(*land.zones, shoal),
             depths=DepthCover(areas, heights.cells),
+            datum=" and ".join(sorted({land.datum or self.datum, self.datum}))
+            if self.datum
+            else "",
             tidal_water=(*land.tidal_water, *_tidal_bands(heights, self.rule)),
         )
 

@@ -20,9 +20,6 @@ from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.model import Note
 
-# Depth above which a level counts as the surface, m: the uppermost level of ocean models is
-# 0.5 to 1.5 m deep.
-SURFACE_DEPTH_M = 2.0
 # Number of points that are compared with the land at a time.
 _POINTS_AT_A_TIME = 1_000_000
 

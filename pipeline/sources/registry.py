@@ -58,12 +58,13 @@ def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_
         return overlay
     from pipeline.sources.combined_charts import DepthFile, SoundedChart
 
-    rule, file = _depth_rule(chart, draught_m, tide), DepthFile.open(Path(chart.depths))
+    rule = _depth_rule(chart, draught_m, tide)
+    file = DepthFile.open(Path(chart.depths), chart.depths_positive)
     if file.datum and chart.datum not in {"", file.datum}:
         raise RequestError(
             f"chart.datum = {chart.datum!r} (--datum), but {file.name} states {file.datum}; give it"
         )
-    return SoundedChart(overlay, file, rule)
+    return SoundedChart(overlay, file, rule, chart.datum or file.datum)
 
 
 def _refused_m(sources: Sequence[LandSource]) -> float | None:

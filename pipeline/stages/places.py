@@ -36,7 +36,13 @@ from pipeline.scenario.region import AvoidedArea, ChartSource, ChartSpec, Plane
 from pipeline.scenario.season import Season
 from pipeline.sources.land.shapes import extract_polygons, in_plane, repaired
 from pipeline.sources.land.vector import VectorFile
-from pipeline.sources.tide_stations import Station, refuse_far_water, stations_of, tide_zones
+from pipeline.sources.tide_stations import (
+    Station,
+    level_notes,
+    refuse_far_water,
+    stations_of,
+    tide_zones,
+)
 from renew.errors import Strait
 
 # Distances beyond the nearest shore, true metres: the first whose position is still in water after
@@ -378,7 +384,8 @@ def tidal_depth(
     Raises
     ------
     RequestError
-        Chart and stations have different datums, or some water has no station near it.
+        Chart and stations have different datums, some water has no station near it, or a departure
+        lies outside the hours of official levels.
     """
     if spec is None:
         return lambda _: None
@@ -389,15 +396,20 @@ def tidal_depth(
     shore = projection.geometry_to_plane(np.array(simplified.inner_polygons, dtype=object))
     zones, unknown = tide_zones(stations, extent, projection, extract_polygons(repaired(shore)[0]))
     outside = shapely.difference(extent, shapely.union_all([*zones, unknown]))
+    if any(station.series for station in stations):
+        # Official levels end at the coast of their model: what lies beyond is not known.
+        unknown, outside = shapely.union(unknown, outside), shapely.Polygon()
     given = np.array([one.area for one in land.tidal_water], dtype=object)
     grown = _grown(projection.geometry_to_plane(given), simplified, projection.scale)
-    for tidal, area in zip(land.tidal_water, grown.tolist(), strict=True):
-        far = extract_polygons(shapely.intersection(area, outside))
-        if len(far):
-            refuse_far_water(shapely.point_on_surface(far[0]), stations, projection)
-        for at, zone in enumerate([*zones, unknown]):
-            is_known = at < len(zones)
-            parts = extract_polygons(shapely.intersection(area, zone)).tolist()
+    far = extract_polygons(shapely.intersection(grown, outside))
+    if len(far):
+        refuse_far_water(shapely.point_on_surface(far[0]), stations, projection)
+    for at, zone in enumerate([*zones, unknown]):
+        is_known = at < len(zones)
+        shapely.prepare(zone)
+        for meets in np.flatnonzero(shapely.intersects(zone, grown)):
+            parts = extract_polygons(shapely.intersection(grown[meets], zone)).tolist()
+            tidal = land.tidal_water[meets]
             areas += parts
             needs += [tidal.need_m if is_known else _NEVER_M] * len(parts)
             names += [tidal.name] * len(parts)
@@ -406,6 +418,13 @@ def tidal_depth(
     def on_clock(departure: datetime | None) -> renew.TidalDepth | None:
         if departure is None:
             return None
+        for name, hours in {station.name: station.hours for station in stations}.items():
+            if hours is not None and not hours[0] <= departure < hours[1]:
+                raise RequestError(
+                    f"tide.stations: {name} has levels from {moment_text(hours[0])} until "
+                    f"{moment_text(hours[1])}, and the departure is {moment_text(departure)}; "
+                    "depart in these hours, or give other levels"
+                )
         tides = [station.tide(departure) for station in stations]
         relied_on = {"surge": spec.surge_m, "lag": spec.lag_s}
         return renew.TidalDepth(areas, needs, [tides[at] for at in of], names=names, **relied_on)
@@ -420,11 +439,12 @@ def tide_notes(tide: TideSpec | None, planned: Sequence[tuple[Case, CaseResult]]
     stations = stations_of(tide)
     yield Note.of(
         "tide-relied-on",
-        stations=tuple(station.name for station in stations),
+        stations=tuple(dict.fromkeys(station.name for station in stations)),
         datum=stations[0].datum,
         lag_min=tide.lag_s / 60,
         surge_m=tide.surge_m,
     )
+    yield from level_notes(stations, tide.surge_m)
     for case, depth in [(case, case.tidal_depth) for case, _ in planned if case.tidal_depth][:1]:
         for at in np.flatnonzero(np.asarray(depth.needs) == _NEVER_M)[:1]:
             place = shapely.get_coordinates(shapely.point_on_surface(depth.areas[at]))[0]
@@ -472,8 +492,7 @@ def _next_hours(
 def _check_datum(chart: ChartSpec, land: Land, stations: Sequence[Station]) -> None:
     """Refuse a chart without depths, and depths and tides that are not counted from one datum."""
     stated, faults = chart.datum, list[str]()
-    # A grid does not state its datum, whatever the cells beside it state.
-    datum = stated or ("" if chart.depths else land.datum)
+    datum = land.datum or ("" if chart.depths else stated)
     if land.depths is None:
         raise RequestError(
             "[tide] needs a chart with depths; give S-57 cells (chart.source, --charts) or a grid "

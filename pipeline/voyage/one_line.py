@@ -1,5 +1,6 @@
 """Plan a voyage in one call: make its scenario from the request, and run it."""
 
+import inspect
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -121,7 +122,7 @@ def _parameters() -> str:
     )
 
 
-go.__doc__ = str(go.__doc__).replace("    {parameters}", textwrap.indent(_parameters(), "    "))
+go.__doc__ = inspect.cleandoc(str(go.__doc__)).replace("{parameters}", _parameters())
 
 
 def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:  # noqa: ANN401 - see `run`
@@ -209,9 +210,11 @@ def _given(**entries: object) -> dict[str, Any]:
 
 def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
     """Return the tables of a scenario that name files: chart, areas to avoid, havens and tide."""
+    depths = request.depths or {}
     chart = _given(
         source=list(request.charts),
-        depths=request.depths and str(request.depths),
+        depths=depths.get("path"),
+        depths_positive=depths.get("positive"),
         datum=request.datum,
     )
     limits = _given(within=request.within, endurance=request.endurance)

@@ -167,10 +167,13 @@ _FACTS: Mapping[str, tuple[Callable[[str], Any], str]] = {
     "crs": (str, "crs"),
     "radius": (dimension_m, "radius_m"),
     "accuracy": (dimension_m, "accuracy_m"),
+    "positive": (str, "positive"),
 }
+VECTOR_FACTS = ("layer", "crs", "radius", "accuracy")
+"""What may be said of a vector file."""
 
 
-def vector_file(remedy: str, facts: Sequence[str] = tuple(_FACTS)) -> Callable[[Any], Any]:
+def described_file(remedy: str, facts: Sequence[str] = VECTOR_FACTS) -> Callable[[Any], Any]:
     """Return a reader of a file and some facts about it, which gives a scenario's table.
 
     `remedy` is as for `readable`.
@@ -195,7 +198,7 @@ def read_charts(given: str | Path | Sequence[str | Path]) -> tuple[dict[str, Any
     from pipeline.scenario import catalogue
 
     known = catalogue.names("sources")
-    file = vector_file("give a vector file, a folder of S-57 cells, or osm-land")
+    file = described_file("give a vector file, a folder of S-57 cells, or osm-land")
     texts = [given] if isinstance(given, str | Path) else given
     return each(lambda one: {"name": str(one)} if str(one) in known else file(one))(texts)
 

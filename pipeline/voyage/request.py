@@ -15,6 +15,7 @@ from pipeline.errors import RequestError
 from pipeline.voyage.positions import EXAMPLES, Position, read_end, read_position, read_stop
 from pipeline.voyage.readers import (
     RANGE,
+    described_file,
     dimension_m,
     read_charts,
     read_clearance_m,
@@ -29,7 +30,6 @@ from pipeline.voyage.readers import (
     read_vessel,
     readable,
     speed_or_range,
-    vector_file,
     zoned_time,
 )
 from pipeline.voyage.table import Asker, Option, each, read, read_folder
@@ -197,7 +197,7 @@ class VoyageRequest:
         _limits(
             kind="file",
             read=each(
-                vector_file("give a vector file, such as GeoJSON", ("layer", "crs", "radius"))
+                described_file("give a vector file, such as GeoJSON", ("layer", "crs", "radius"))
             ),
             most=_MAX_FILES,
             metavar="FILE",
@@ -291,13 +291,14 @@ class VoyageRequest:
         ),
     ] = ()
     depths: Annotated[
-        Path | None,
+        dict[str, str] | None,
         _water(
             kind="file",
-            read=readable("give a grid of depths in NetCDF, as GEBCO's, or S-102"),
-            label="Depths, a NetCDF grid",
-            help="A grid of depths, NetCDF as of GEBCO, EMODnet or a model, or S-102: too shallow "
-            "water is no-go; needs {draught}.",
+            read=described_file("give a grid of depths, such as GEBCO's", ("positive",)),
+            label="Depths, a grid",
+            help="A grid of depths, NetCDF as of GEBCO, EMODnet or a model, S-102, BAG or GeoTIFF: "
+            "too shallow water is no-go; needs {draught}. 'FILE,positive=up' (heights in metres), "
+            "or 'down' (depths), says what the file does not.",
         ),
     ] = None
     datum: Annotated[
@@ -319,8 +320,8 @@ class VoyageRequest:
             section="stations",
             label="Station of the tide",
             example="None",
-            help="Tide station of the catalogue, or a file of harmonic constants; may be "
-            "repeated. Needs {draught}, {depart} and a chart with depths.",
+            help="Tide station of the catalogue, a file of harmonic constants, or official water "
+            "levels (S-104); may be repeated. Needs {draught}, {depart} and a chart with depths.",
         ),
     ] = ()
     members: Annotated[

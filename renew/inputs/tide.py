@@ -125,7 +125,7 @@ class Tide:
 
     def __reduce__(self) -> tuple[type["Tide"], tuple[object, ...]]:
         """Pickle the parameters only; predictions are quickly computed again."""
-        return Tide, tuple(getattr(self, field.name) for field in fields(self))
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
 
     def heights(self, times: FloatArray) -> FloatArray:
         """Heights over datum (m) at times (s on the planner's clock), of the same shape."""

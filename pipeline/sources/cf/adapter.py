@@ -171,7 +171,8 @@ class CfFiles(CurrentSource):
 def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
     """Return the name and hash of each file that contains selected steps."""
     steps = {step for weights in selected.weights for step in weights}
-    used = sorted({series[step][0].file for series in (contents.u, contents.v) for step in steps})
+    components = {series[step][0] for series in (contents.u, contents.v) for step in steps}
+    used = sorted({file for part in components for file in (part.file, *part.beside)})
     return tuple((file.name, _hash(file, _stamp(file))) for file in used)
 
 

@@ -23,7 +23,6 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values, reading
-from pipeline.sources.current_field import SURFACE_DEPTH_M
 from pipeline.texts import clean
 
 if TYPE_CHECKING:
@@ -40,8 +39,10 @@ _AXIS_NAMES = {
     "time": {"time", "month", "time_counter", "valid_time"},
     "level": {"depth", "deptht", "lev", "level", "elevation", "z", "zlev"},
 }
-# Depth down to which the uppermost level stands for the surface, m; below SURFACE_DEPTH_M with a
-# note.
+SURFACE_DEPTH_M = 2.0
+"""Depth above which a level counts as the surface, m: the uppermost level of ocean models is 0.5 to
+1.5 m deep."""
+# Depth down to which the uppermost level stands for the surface with a note, m.
 _MAX_DEPTH_M = 20.0
 # Units of a depth.
 _METRES = ("m", "meter", "meters", "metre", "metres", "dbar", "decibar")
@@ -85,7 +86,8 @@ def grid_fault(array: "xr.DataArray", pole: str = "") -> str:
     dims = ", ".join(f"{dim} ({size})" for dim, size in array.sizes.items())
     return (
         f"{array.name} is along {dims}, and nothing says at which longitude and latitude its "
-        "values are; give the file with its lon and lat, on axes or for each point"
+        "values are; give the file with its lon and lat, on axes or for each point, or the file "
+        "of its grid beside it"
         + (
             f"; or take {pole} away, a mapping with a pole of its own, if it is none"
             if pole

@@ -22,7 +22,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
-from pipeline.sources.cf import axes, grids
+from pipeline.sources.cf import axes, grids, s100
 from pipeline.sources.cf.axes import (
     TimeSteps,
     merge_steps,
@@ -30,7 +30,13 @@ from pipeline.sources.cf.axes import (
     reference_time,
     step_method,
 )
-from pipeline.sources.cf.dataset import check_values, fatal_files, groups_of, open_dataset
+from pipeline.sources.cf.dataset import (
+    check_values,
+    fatal_files,
+    groups_of,
+    open_dataset,
+    open_together,
+)
 from pipeline.sources.cf.mesh import SourceMesh
 
 if TYPE_CHECKING:
@@ -67,7 +73,7 @@ class Component:
 
     `time` is empty where there is no such dimension, `fixed` is the index to use in each other
     dimension, and `unit` is its unit in m/s, or in degrees for a direction. On a `mesh` there are
-    no axes.
+    no axes. The files `beside` add tiles or a mesh (`open_together`).
     """
 
     file: Path
@@ -82,6 +88,7 @@ class Component:
     steps: TimeSteps
     notes: tuple[Note, ...]
     mesh: SourceMesh | None = None
+    beside: tuple[Path, ...] = ()
 
     def is_on_grid_of(self, other: "Component") -> bool:
         """Whether two components have the same points."""
@@ -292,6 +299,7 @@ _Variable: TypeAlias = tuple[str, str]
 _Pair: TypeAlias = tuple[_Variable, _Variable]
 
 
+_Values: TypeAlias = tuple[float, ...]
 StepInFile: TypeAlias = tuple[Component, int]
 """A component in a file, and the number of a step there."""
 
@@ -417,6 +425,32 @@ def read_contents(
         return _contents(files, datasets, index, asked)
 
 
+def _together(
+    datasets: "Mapping[Path, xr.Dataset]", names: set[str]
+) -> "Iterator[tuple[Path, tuple[Path, ...]]]":
+    """Yield the files that have some variables, each with the files beside it.
+
+    Tiles of S-100 are beside each other if they have the same times and other places. Files without
+    any of the variables are beside all others: they may have their grid.
+    """
+    bare = tuple(file for file, dataset in datasets.items() if not names & set(dataset.variables))
+    cycles: dict[tuple[_Values, int], dict[tuple[_Values, _Values], Path]] = {}
+    for file, dataset in datasets.items():
+        if file not in bare and not s100.is_from_s100(dataset):
+            yield file, bare
+        elif file not in bare:
+            times, lat, lon = (
+                tuple(dataset[name].values.ravel().tolist()) if name in dataset else ()
+                for name in ("time", "lat", "lon")
+            )
+            # Of a tile that was issued twice each issue is a forecast of its own.
+            number = sum((lat, lon) in tiles for (own, _), tiles in cycles.items() if own == times)
+            cycles.setdefault((times, number), {})[lat, lon] = file
+    for tiles in cycles.values():
+        first, *others = (tiles[place] for place in sorted(tiles))
+        yield first, tuple(others)
+
+
 def _contents(
     files: tuple[Path, ...],
     datasets: "dict[Path, xr.Dataset]",
@@ -429,21 +463,29 @@ def _contents(
     try:
         pair, notes = _find_pair(list(datasets.values()), asked)
     except ValueError as error:
-        raise RequestError(f"{name_of(files)}: {error}{_groups_hint(files)}") from None
+        hint = s100.option_of(next(iter(datasets.values()))) or _groups_hint(files)
+        raise RequestError(f"{name_of(files)}: {error}{hint}") from None
+    beside = dict(_together(datasets, {name for _, name in pair}))
     faults: list[str] = []
     components_of: tuple[list[Component], list[Component]] = ([], [])
-    for (standard, name), components in zip(pair, components_of, strict=True):
-        for file, dataset in datasets.items():
-            variable = dataset.data_vars.get(name)
-            if variable is not None and variable.attrs.get("standard_name", "") == standard:
-                try:
-                    components.append(read_component(file, dataset, name, index=index))
-                except ValueError as error:
-                    faults.append(f"{file.name}: {error}")
+    with contextlib.ExitStack() as stack:
+        datasets = {
+            file: stack.enter_context(open_together(file, others)) if others else datasets[file]
+            for file, others in beside.items()
+        }
+        for (standard, name), components in zip(pair, components_of, strict=True):
+            for file, dataset in datasets.items():
+                variable = dataset.data_vars.get(name)
+                if variable is not None and variable.attrs.get("standard_name", "") == standard:
+                    try:
+                        component = read_component(file, dataset, name, index=index)
+                        components.append(replace(component, beside=beside[file]))
+                    except ValueError as error:
+                        faults.append(f"{file.name}: {error}")
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
     try:
-        contents = _combined(datasets, *components_of, notes)
+        contents = _combined(files, datasets, *components_of, notes)
         frame = _frame(pair, contents, datasets)
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
@@ -677,6 +719,7 @@ def _on_shared_grids(
 
 
 def _combined(
+    files: tuple[Path, ...],
     datasets: "dict[Path, xr.Dataset]",
     u: Sequence[Component],
     v: Sequence[Component],
@@ -700,7 +743,7 @@ def _combined(
             "for the same times"
         )
     return Contents(
-        files=tuple(datasets),
+        files=files,
         lon=first.lons_deg if first.mesh is None else np.zeros(0),
         lat=first.lats_deg if first.mesh is None else np.zeros(0),
         u=tuple((u[file], step) for file, step in u_index),

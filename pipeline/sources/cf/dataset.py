@@ -16,7 +16,6 @@ to 4 bytes. No library does this: SciPy, which maps the whole file, does not kno
 
 import contextlib
 import math
-import shlex
 import struct
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,7 +28,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.machine.workers import Worker, WorkerEndedError
-from pipeline.sources.cf import grib, s100
+from pipeline.sources.cf import grib, rasters, s100
 from pipeline.texts import acts, clean
 
 if TYPE_CHECKING:
@@ -40,23 +39,13 @@ if TYPE_CHECKING:
 _HEADER_BYTES = 100
 # First bytes of a NetCDF 4 file.
 _HDF5 = b"\x89HDF"
+_NEITHER = "it is neither NetCDF, Zarr, GRIB, S-100, BAG nor GeoTIFF; convert it to NetCDF"
 # Files that make a folder a Zarr store.
 _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 # Largest number of values of an axis: 57 years of hours, or cells of 80 m round the world.
 _MAX_AXIS = 500_000
 # Largest size of a chunk, bytes: one value of it can't be read without all of it.
 _MAX_CHUNK_BYTES = 512 << 20
-# Other files by the bytes they begin with: what they are, and the command that makes one that is
-# read.
-_TIFF = ("GeoTIFF", "gdal_translate -of netCDF {name} {stem}.nc")
-_OTHERS = {
-    b"\x1f\x8b": ("packed (gzip)", "gunzip -k {name}"),
-    b"BZh": ("packed (bzip2)", "bunzip2 -k {name}"),
-    b"PK\x03\x04": ("packed (zip)", "unzip {name}"),
-    b"\xfd7zXZ": ("packed (xz)", "unxz -k {name}"),
-    b"(\xb5/\xfd": ("packed (zstd)", "unzstd {name}"),
-    **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), _TIFF),
-}
 # Kinds of NumPy types that are numbers.
 _NUMBERS = "iuf"
 # Kinds of NumPy types that are text.
@@ -111,7 +100,7 @@ def open_dataset(path: Path) -> "xr.Dataset":
     with reading():
         store = _store(path)
     if store is None:
-        raise ValueError(_other_kind(path))
+        raise ValueError(_NEITHER)
     try:
         with reading():
             variables = store.get_variables()
@@ -140,24 +129,44 @@ def open_dataset(path: Path) -> "xr.Dataset":
     return dataset
 
 
+def open_together(path: Path, beside: Sequence[Path]) -> "xr.Dataset":
+    """Open a file with what others add to it; ValueError where one of them can't be opened.
+
+    Tiles of S-100 become one mesh of points. Any other file lends the variables that this one
+    lacks and has the dimensions for: its mesh, its positions, its mask.
+    """
+    opened = [open_dataset(one) for one in (path, *beside)]
+    if s100.is_from_s100(opened[0]):
+        return s100.joined(opened) if beside else opened[0]
+    whole, *lenders = opened
+    for lender in lenders:
+        lent = {
+            name: variable
+            for name, variable in lender.variables.items()
+            if name not in whole.variables
+            and all(whole.sizes.get(dim, size) == size for dim, size in variable.sizes.items())
+        }
+        whole = whole.assign(lent)
+    stack = contextlib.ExitStack()
+    for one in opened:
+        stack.callback(one.close)
+    whole.set_close(stack.close)
+    return whole
+
+
 def _converted(path: Path) -> "xr.Dataset | None":
-    """Return a dataset made of a file of another format, GRIB or S-100; None for all others."""
+    """Return a dataset made of a file of another format; None for NetCDF and Zarr."""
     if is_grib(path):
         grib.require_library()
         with reading():
             read = grib.read_fields(path)
         return grib.as_dataset(path, read)
     with reading():
-        return s100.as_dataset(path) if path.is_file() and s100.is_s100(path) else None
-
-
-def _other_kind(path: Path) -> str:
-    """Say what kind of file one is that is not read, with the remedy."""
-    for begin, (kind, command) in _OTHERS.items():
-        if _first_bytes(path).startswith(begin):
-            done = command.format(name=shlex.quote(path.name), stem=shlex.quote(path.stem))
-            return f"it is {kind}; give the file that `{done}` makes of it"
-    return "it is neither NetCDF, Zarr, GRIB nor S-100; convert it to NetCDF"
+        if not path.is_file():
+            return None
+        if s100.is_s100(path):
+            return s100.as_dataset(path)
+        return rasters.as_dataset(path) if rasters.is_raster(path) else None
 
 
 def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a store's type is

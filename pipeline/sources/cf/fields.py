@@ -26,7 +26,7 @@ from pipeline.model import Note
 from pipeline.scenario.season import Period, Season, TimeMethod
 from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
 from pipeline.sources.cf.contents import Component, Contents, StepInFile
-from pipeline.sources.cf.dataset import open_dataset, reading
+from pipeline.sources.cf.dataset import open_dataset, open_together, reading
 from pipeline.sources.cf.mesh import SourceMesh, Table
 from pipeline.sources.current_field import Field, LandMask
 from renew.inputs.tide import arguments, speeds
@@ -538,7 +538,7 @@ class FieldReader:
             is_range = list(steps) == list(range(steps[0], steps[-1] + 1))
             part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
         try:
-            variable = self._dataset(component.file).variables[component.name]
+            variable = self._dataset(component).variables[component.name]
             with reading():
                 variable = variable.isel(component.fixed).isel(part)
                 if component.mesh is None:
@@ -566,7 +566,7 @@ class FieldReader:
         zero = np.asarray((self._as_stored(component, sorted(steps)) == 0).all(axis=0))
         if not zero.any():
             return zero
-        for name, variable in self._dataset(component.file).variables.items():
+        for name, variable in self._dataset(component).variables.items():
             if set(variable.dims) == set(mesh.dims) and (said := _MASK.search(str(name).lower())):
                 with reading():
                     mask = self._part_of(variable, mesh)
@@ -579,11 +579,12 @@ class FieldReader:
         is_meant = bool(stands_for_land and zero[~is_land].mean() <= 1 - _ZERO_LAND)
         return zero & is_meant
 
-    def _dataset(self, file: Path) -> "xr.Dataset":
+    def _dataset(self, component: Component) -> "xr.Dataset":
         """Return an open file."""
+        file = component.file
         if file not in self._open:
             self._close_all_but(_MAX_OPEN - 1)
-            self._open[file] = open_dataset(file)
+            self._open[file] = open_together(file, component.beside)
         return self._open[file]
 
     def _close_all_but(self, count: int) -> None:

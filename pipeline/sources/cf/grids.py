@@ -156,8 +156,8 @@ def _cells_of_mesh(dataset: "xr.Dataset", array: "xr.DataArray", dim: str) -> So
     if name not in dataset.variables:
         raise ValueError(
             f"{array.name} is at points along {dim}, and nothing says which of them make a cell; "
-            "give the file with its corners of cells: nv of FVCOM, or UGRID's "
-            "face_node_connectivity"
+            "give the file with its corners of cells, or that of its mesh beside it: nv of FVCOM, "
+            "or UGRID's face_node_connectivity"
         )
     corners, cell_dim = _corners(dataset, name)
     nodes = _node_positions(

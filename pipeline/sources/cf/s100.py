@@ -7,7 +7,7 @@ writes such files, and needs GDAL's Python bindings, which have no wheels.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,6 +40,13 @@ _BELOW_SURFACE = 2
 _MAX_VALUES = 1 << 27
 # Triangles with an edge of this multiple of the median edge join points across land.
 _LONGEST_EDGE = 2.5
+_NORTH = {"units": "degrees_north"}
+_EAST = {"units": "degrees_east"}
+# EPSG's code of degrees, WGS 84.
+_DEGREES = 4326
+# Attributes of a dataset: what S-100 it is from, and its time of issue.
+_KIND = "productSpecification"
+_ISSUED = "reference_time"
 _SINCE = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
 
 
@@ -97,6 +104,42 @@ def as_dataset(path: Path) -> "xr.Dataset":
         )
 
 
+def is_from_s100(dataset: "xr.Dataset") -> bool:
+    """Whether `as_dataset` made a dataset."""
+    return _KIND in dataset.attrs
+
+
+def option_of(dataset: "xr.Dataset") -> str:
+    """Say where an S-100 dataset is to be given; "" for others."""
+    options = {"surfaceCurrentSpeed": "currents", "waterLevelHeight": "tide", "depth": "depths"}
+    option = next((own for name, own in options.items() if name in dataset.data_vars), "")
+    return f"; it is for --{option}" if option and is_from_s100(dataset) else ""
+
+
+def joined(tiles: "Sequence[xr.Dataset]") -> "xr.Dataset":
+    """Return tiles of the same times as one mesh of all their points.
+
+    Each tile has a lattice of its own: the number of its columns depends on the latitude.
+    """
+    import xarray as xr
+
+    flat = []
+    for tile in tiles:
+        x, y = tile["lon"], tile["lat"]
+        if x.dims != y.dims:
+            y, x = xr.broadcast(y, x)
+        placed = tile.drop_vars(("lon", "lat", "corners"), errors="ignore")
+        placed = placed.assign(lon=x.variable, lat=y.variable)
+        if x.ndim > 1:
+            placed = placed.stack(node=x.dims, create_index=False)
+        flat.append(placed)
+    whole = xr.concat(flat, "node", data_vars="minimal", coords="minimal", compat="override")
+    corners, about = _mesh_of(whole["lon"].values, whole["lat"].values)
+    whole = whole.assign(corners=(("cell", "corner"), corners, about)).set_coords(("lon", "lat"))
+    issued = [tile.attrs[_ISSUED] for tile in tiles if _ISSUED in tile.attrs]
+    return whole.assign_attrs({_ISSUED: max(issued)} if issued else {})
+
+
 def _text(value: Any) -> str:  # noqa: ANN401 - bytes or str, as h5py gives either
     """Return a text of a file."""
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
@@ -148,41 +191,43 @@ def _places(
 ) -> tuple[tuple[str, ...], tuple[dict[str, Any], dict[str, Any]]]:
     """Return the dimensions of values, and the coordinates and corners of cells for them."""
     attributes = instance.attrs
-    degrees = ({"units": "degrees_north"}, {"units": "degrees_east"})
     if coding == _POINTS:
         points = instance["Positioning/geometryValues"][:]
         lon, lat = (np.asarray(points[name], float) for name in ("longitude", "latitude"))
-        corners = _triangulated(lon, lat)
-        placed = {"lat": ("node", lat, degrees[0]), "lon": ("node", lon, degrees[1])}
-        about = {"cf_role": "face_node_connectivity", "start_index": "0"}
-        return ("time", "node"), (placed, {"corners": (("cell", "corner"), corners, about)})
-    axes = [
+        nodes = {"lat": ("node", lat, _NORTH), "lon": ("node", lon, _EAST)}
+        return ("time", "node"), (nodes, {"corners": (("cell", "corner"), *_mesh_of(lon, lat))})
+    axes: list[FloatArray] = [
         float(attributes[f"gridOrigin{axis}itude"])
         + float(attributes[f"gridSpacing{axis}itudinal"])
-        * np.arange(int(attributes[f"numPoints{axis}itudinal"]))
+        * np.arange(float(attributes[f"numPoints{axis}itudinal"]))
         for axis in ("Lat", "Long")
     ]
-    crs = int(file.attrs.get("horizontalCRS", file.attrs.get("horizontalDatumValue", 4326)))
-    if crs == 4326:
-        placed = {"lat": ("lat", axes[0], degrees[0]), "lon": ("lon", axes[1], degrees[1])}
-        return ("time", "lat", "lon"), (placed, {})
-    from pyproj import Transformer
-
-    x, y = np.meshgrid(axes[1], axes[0])
-    lon, lat = Transformer.from_crs(crs, "OGC:CRS84", always_xy=True).transform(x, y)
-    places = {"lat": (("y", "x"), lat, degrees[0]), "lon": (("y", "x"), lon, degrees[1])}
-    return ("time", "y", "x"), (places, {})
+    crs = int(file.attrs.get("horizontalCRS", file.attrs.get("horizontalDatumValue", _DEGREES)))
+    dims, coordinates = placed(axes[1], axes[0], crs)
+    return ("time", *dims), (coordinates, {})
 
 
-def _triangulated(lon: FloatArray, lat: FloatArray) -> IndexArray:
-    """Return triangles (m, 3) between points, without those that reach across gaps."""
+def placed(x: FloatArray, y: FloatArray, crs: Any) -> tuple[tuple[str, ...], dict[str, Any]]:  # noqa: ANN401 - what pyproj takes
+    """Return dimensions and coordinates of a grid with axes x (nx,) and y (ny,) in a CRS."""
+    from pyproj import CRS, Transformer
+
+    if CRS.from_user_input(crs).equals(CRS.from_epsg(_DEGREES), ignore_axis_order=True):
+        return ("lat", "lon"), {"lat": ("lat", y, _NORTH), "lon": ("lon", x, _EAST)}
+    turned = Transformer.from_crs(crs, "OGC:CRS84", always_xy=True)
+    lon, lat = turned.transform(*np.meshgrid(x, y))
+    return ("y", "x"), {"lat": (("y", "x"), lat, _NORTH), "lon": (("y", "x"), lon, _EAST)}
+
+
+def _mesh_of(lon: FloatArray, lat: FloatArray) -> tuple[IndexArray, dict[str, str]]:
+    """Return triangles (m, 3) between points, without those that reach across gaps, as UGRID's."""
     from scipy.spatial import Delaunay
 
     points = np.stack([lon * np.cos(np.radians(lat.mean())), lat], axis=-1)
     triangles = Delaunay(points).simplices.astype(np.intp)
     corners = points[triangles]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
-    return np.asarray(triangles[edges <= _LONGEST_EDGE * np.median(edges)])
+    about = {"cf_role": "face_node_connectivity", "start_index": "0"}
+    return np.asarray(triangles[edges <= _LONGEST_EDGE * np.median(edges)]), about
 
 
 def _moments(instance: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
@@ -215,8 +260,9 @@ def _credit(about: Mapping[str, Any]) -> dict[str, str]:
         for key, size in (("issueDate", 8), ("issueTime", 6))
     )
     known = {"title": f"{place.replace('_', ' ')} ({product})", "source": _text(method)}
+    known[_KIND] = product
     if len(issued) == 14:
         moment = datetime.strptime(issued, "%Y%m%d%H%M%S")  # noqa: DTZ007 - S-100's times are UTC
-        known["reference_time"] = moment.isoformat()
+        known[_ISSUED] = moment.isoformat()
     datum = {key: _text(about[key]) for key in ("verticalDatum",) if key in about}
     return known | datum

@@ -37,7 +37,7 @@ from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.cf.axes import TimeSteps, coordinate_axis, decoded_times
+from pipeline.sources.cf.axes import SURFACE_DEPTH_M, TimeSteps, coordinate_axis, decoded_times
 from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.cf.fields import SelectedSteps, Window, find_window, read_window
 from pipeline.sources.copernicus.client import LOGIN, around_missing, has_account
@@ -52,7 +52,7 @@ from pipeline.sources.copernicus.download import (
     staging_folder,
     step_ends,
 )
-from pipeline.sources.current_field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
+from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.plausibility import assess_series, count_misplaced, dilated
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from shapely import affinity
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.errors import PipelineError, RequestError
 from pipeline.geo.projection import MAX_EDGE_M, METRES_PER_DEGREE, Projection
-from pipeline.machine.paths import require_readable
+from pipeline.machine.paths import packed_reason, require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Note, PlaceName
 from pipeline.scenario.strict import near_miss
@@ -361,16 +361,19 @@ _LAYERS = (
     "SELECT lower(table_name) FROM gpkg_contents UNION "
     "SELECT lower(table_name) FROM gpkg_geometry_columns"
 )
-# First bytes of a GeoPackage, of a FlatGeobuf and of an archive.
+# First bytes of a GeoPackage, and of a FlatGeobuf.
 _SQLITE = b"SQLite format 3\0"
 _FLATGEOBUF = b"fgb"
-_ZIP = b"PK\x03\x04"
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
-    """Return a file and its sidecar files, as .dbf and .prj, which GDAL reads too."""
+    """Return a file and its sidecar files, as .dbf and .prj, which GDAL reads too.
+
+    A packed file beside it, from which it may come, is none of them.
+    """
     beside = path.parent.glob(f"{glob.escape(path.stem)}.*")
-    files = tuple(sorted({path, *(file for file in beside if not file.is_dir())}))
+    own = (file for file in beside if not (file.is_dir() or packed_reason(file)))
+    files = tuple(sorted({path, *own}))
     require_readable(files, path.name)
     return files
 
@@ -395,10 +398,8 @@ def require_self_contained(path: Path) -> None:
     files = files_of(path)
     with path.open("rb") as file:
         head = file.read(len(_SQLITE))
-    if vsi_path(path) != str(path) or head.startswith(_ZIP):
-        raise RequestError(
-            f"{path} is an archive, or has '!' or ';' in its name: unpack or rename it"
-        )
+    if vsi_path(path) != str(path):
+        raise RequestError(f"{path} has '!' or ';' in its name, or names an archive: rename it")
     if head == _SQLITE:
         own = _of_geopackage(path)
     else:

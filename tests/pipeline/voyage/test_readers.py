@@ -16,13 +16,13 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.season import period
 from pipeline.voyage.positions import Position, halves, joined, read_position
 from pipeline.voyage.readers import (
+    described_file,
     length_m,
     read_charts,
     read_months,
     read_variables,
     speed_m_s,
     speed_or_range,
-    vector_file,
 )
 from tests.pipeline.voyage.waters import scenario_of
 
@@ -285,7 +285,7 @@ def test_typed_values_are_taken_as_they_are() -> None:
 def test_facts_about_a_file_stand_behind_its_path(tmp_path: Path) -> None:
     file = tmp_path / "rocks, all.geojson"
     file.write_text("{}")
-    read = vector_file("give a file")
+    read = described_file("give a file")
     text = f"{file},layer=a,b,crs=EPSG:4326,radius=50m,accuracy=0.1km"
     assert read(text) == {
         "path": str(file),
@@ -299,7 +299,7 @@ def test_facts_about_a_file_stand_behind_its_path(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=said):
             read(wrong)
     with pytest.raises(ValueError, match="give no accuracy, but layer"):
-        vector_file("give a file", ("layer",))(f"{file},accuracy=4m")
+        described_file("give a file", ("layer",))(f"{file},accuracy=4m")
     with pytest.raises(ValueError, match=r"does not exist; give a file"):
         read(f"{tmp_path / 'none'},radius=50m")
 

@@ -240,13 +240,23 @@ def on_cells(step: float) -> xr.Dataset:
     )
 
 
-def write_s111(path: Path, step: float, coding: int = 2, edition: str = "1.0") -> Path:
+def write_s111(
+    path: Path,
+    step: float,
+    coding: int = 2,
+    edition: str = "1.0",
+    tile: tuple[float, float] = (-90.0, 90.0),
+    **about: object,
+) -> Path:
     """Write the current as S-111: speed in knots, and direction to which it runs.
+
+    A `tile` has the latitudes from the first to before the second; `about` are attributes.
 
     The structure is that of NOAA's files of edition 1.0 (format 2); that of other editions, and of
     format 3, is from the text of the standard.
     """
     lon, lat = (axis.astype("f4" if edition == "1.0" else "f8") for axis in axes(step))
+    lat = lat[(lat >= tile[0]) & (lat < tile[1])]
     x, y = np.meshgrid(
         lon[0] + (lon[1] - lon[0]) * np.arange(lon.size),
         lat[0] + (lat[1] - lat[0]) * np.arange(lat.size),
@@ -273,10 +283,11 @@ def write_s111(path: Path, step: float, coding: int = 2, edition: str = "1.0") -
         file.attrs["productSpecification"] = f"INT.IHO.S-111.{edition}"
         file.attrs["issueDate"] = "20240315" if edition == "2.0" else "2024-03-15"
         file.attrs["issueTime"] = "010000Z" if edition == "2.0" else "01:00:00.5"
+        file.attrs.update(about)
         key = "horizontalCRS" if edition == "2.0" else "horizontalDatumValue"
         file.attrs[key] = np.int32(4326)
-        about = np.array(rows, dtype=[(name, text) for name in fields])
-        file.create_dataset("Group_F/SurfaceCurrent", data=about)
+        described = np.array(rows, dtype=[(name, text) for name in fields])
+        file.create_dataset("Group_F/SurfaceCurrent", data=described)
         feature = file.create_group("SurfaceCurrent")
         feature.attrs["dataCodingFormat"] = np.uint8(coding)
         instance = feature.create_group("SurfaceCurrent.01")

@@ -54,15 +54,16 @@ SHRINK = math.cos(math.radians(17.5))
 
 
 def read(
-    path: Path,
+    path: Path | tuple[Path, ...],
     region: shapely.Polygon = REGION,
     pair: tuple[str, str] | None = None,
     **about: Any,  # noqa: ANN401 - keys of a season
 ) -> CurrentGrid:
     """Read a file as the current of a voyage; RequestError if it is refused."""
     changing = {"time_method": "changing", "departure": "2024-03-15T03:00Z", "max_hours": 6}
-    season = Season.model_validate({"name": "it", "currents": [[str(path)]], **(about or changing)})
-    source = CfFiles((str(path),), pair=pair)
+    paths = tuple(map(str, path if isinstance(path, tuple) else (path,)))
+    season = Season.model_validate({"name": "it", "currents": [paths], **(about or changing)})
+    source = CfFiles(paths, pair=pair)
     if reason := source.uncovered_reason(region, season):
         raise RequestError(reason)
     return source.current(region, season, Land((), (), 0.0), Path())
@@ -461,6 +462,30 @@ def test_meshes_as_models_name_them(tmp_path: Path, make: Callable[[float], xr.D
     assert largest_error(read(written(make(STEP), tmp_path / "mesh.nc"))) < 1.5 * BOUND_M_S
 
 
+@pytest.mark.parametrize(
+    ("make", "apart"),
+    [
+        (_schism, "mesh face_nodes node_x node_y"),
+        (staggered, "lon_u lat_u lon_v lat_v"),
+    ],
+)
+def test_a_grid_may_lie_in_a_file_of_its_own(
+    tmp_path: Path, make: Callable[[float], xr.Dataset], apart: str
+) -> None:
+    data = make(STEP).reset_coords()
+    names = [name for name in apart.split() if name in data]
+    assert len(names) > 2
+    for variable in data.variables.values():
+        variable.attrs.pop("coordinates", None)
+    grid = written(data[names], tmp_path / "grid.nc")
+    flow = written(data.drop_vars(names), tmp_path / "flow.nc")
+    with pytest.raises(RequestError, match=r"of its (grid|mesh) beside it"):
+        read(flow)
+    whole = read((flow, grid))
+    assert largest_error(whole) < 1.5 * BOUND_M_S
+    assert {name for name, _ in whole.files} == {"flow.nc", "grid.nc"}
+
+
 def test_a_mesh_without_times_is_read(tmp_path: Path) -> None:
     path = written(_delft(STEP).isel(time=0, drop=True), tmp_path / "still.nc")
     grid = read(path, valid="2024-03-15")
@@ -501,6 +526,26 @@ def test_s111_values_are_those_that_h5py_reads(tmp_path: Path, coding: int, edit
             kept = np.isfinite(data[code].values[1])
             assert kept.sum() == some.size - 1
             assert (data[code].values[1][kept] == some[code][kept]).all()
+
+
+def test_tiles_of_s111_are_one_field_and_a_later_forecast_wins(tmp_path: Path) -> None:
+    # The tiles' lattices differ, as those of different latitudes do.
+    south = write_s111(tmp_path / "s.h5", STEP, tile=(-90.0, 17.4))
+    north = write_s111(tmp_path / "n.h5", STEP * 0.97, tile=(17.4, 90.0))
+    grid = read((north, south))
+    assert np.isfinite(grid.u).all()
+    assert largest_error(grid) < BOUND_M_S
+    assert {name for name, _ in grid.files} == {"s.h5", "n.h5"}
+    again = write_s111(tmp_path / "s2.h5", STEP, tile=(-90.0, 17.4), issueTime="02:00:00")
+    with h5py.File(again, "r+") as file:
+        for group in file["SurfaceCurrent/SurfaceCurrent.01"].values():
+            values = group["values"][:]
+            values["surfaceCurrentSpeed"] *= np.float32(0.5)
+            group["values"][...] = values
+    region = shapely.box(132.2, 16.8, 133.8, 17.3)
+    once, twice = (read(paths, region) for paths in ((south,), (again, south)))
+    np.testing.assert_allclose(twice.u, once.u / 2, atol=1e-7)
+    assert any("to a later forecast" in text for text in note_texts(twice.notes))
 
 
 def test_the_unit_and_the_fill_value_of_s111_are_those_it_states(tmp_path: Path) -> None:
