@@ -457,6 +457,21 @@ def _contingency(result: RunResult) -> GeoDataFrame:
     return frame(lonlat, {**route_key(ranked), "collided": collided})
 
 
+def _narrow_stretches(result: RunResult) -> GeoDataFrame:
+    """Return the stretches of the routes without room for a hard-over turn."""
+    found = [(case.name, one) for case in result.cases for one in case.measures.narrow]
+    stretches = [one for _, one in found]
+    names = ("begin_m", "length_m", "width_m", "needed_m", "kept_m")
+    return frame(
+        to_lonlat(result, [shapely.LineString(one.line) for one in stretches], ROUTE_STEP_M),
+        {
+            "season": [name for name, _ in found],
+            "rank": [one.rank for one in stretches],
+            **columns_of(stretches, *names, turn_side="side"),
+        },
+    )
+
+
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
     crossings = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
@@ -542,6 +557,7 @@ FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "soft_no_go": _soft_no_go,
     "currents": _currents,
     "contingency": _contingency,
+    "narrow_stretches": _narrow_stretches,
     "shore_crossings": _shore_crossings,
     "havens": _havens,
     "diversions": _diversions,
