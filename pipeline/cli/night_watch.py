@@ -184,7 +184,8 @@ def _asked(address: str) -> str:
         with urllib.request.urlopen(address, timeout=_TIMEOUT_S):  # noqa: S310 - http or https alone
             return ""
     except urllib.error.HTTPError as error:
-        return f"it answered {error.code}"
+        with error:
+            return f"it answered {error.code}"
     except urllib.error.URLError as error:
         reason = error.reason
         return (

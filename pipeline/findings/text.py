@@ -319,6 +319,7 @@ def json_value(value: Any) -> Any:  # noqa: ANN401 - any value in, one that JSON
     return value
 
 
+@cache
 def environment(
     *packages: str, finalize: Callable[[object], object] | None = None
 ) -> "Environment":
@@ -338,7 +339,6 @@ def environment(
     )
 
 
-@cache
 def xml_environment(package: str) -> "Environment":
     """Load a package's templates of XML."""
     return environment(package, finalize=_escaped)

@@ -34,8 +34,8 @@ from pipeline.model.inputs import DepthRule, LandSource, TidalWater
 from pipeline.sources.cf import grids
 from pipeline.sources.cf.axes import grid_fault
 from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset, reading
-from pipeline.sources.cf.fields import find_window, read_window
-from pipeline.sources.cf.mesh import SourceMesh
+from pipeline.sources.cf.fields import find_window
+from pipeline.sources.cf.mesh import Axes, SourceMesh
 from pipeline.sources.cf.s100 import option_of
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
@@ -93,20 +93,14 @@ class Heights:
 
 @dataclass(frozen=True)
 class DepthFile:
-    """A file's variable: its name, dimensions and axes, and the sign that makes it a height.
-
-    On a `mesh` there are no axes.
-    """
+    """A file's variable: its name and points, and the sign that makes it a height."""
 
     path: Path
     variable: str
-    dims: tuple[str, str]
-    lon: FloatArray
-    lat: FloatArray
+    grid: Axes | SourceMesh
     sign: float
     title: str
     licence: str
-    mesh: SourceMesh | None = None
     datum: str = ""
 
     @property
@@ -140,9 +134,9 @@ class DepthFile:
         RequestError
             The file is damaged, or has too many cells there.
         """
-        if self.mesh is not None:
-            return self._highest(self.mesh, bounds)
-        window = find_window(self.lon, self.lat, bounds)
+        if isinstance(self.grid, SourceMesh):
+            return self._highest(self.grid, bounds)
+        window = find_window(self.grid.lon, self.grid.lat, bounds)
         if min(window.lon.size, window.lat.size) < 2:
             return None
         shape = (window.lat.size, window.lon.size)
@@ -155,7 +149,7 @@ class DepthFile:
                 )
             with open_dataset(self.path) as dataset, reading():
                 variable = dataset.variables[self.variable]
-                height_m = self.sign * read_window(variable, self.dims, window).reshape(shape)
+                height_m = self.sign * window.read(variable, self.grid.dims).reshape(shape)
         return Heights(window.lon, window.lat, np.where(np.isfinite(height_m), height_m, np.nan))
 
     def _highest(self, mesh: SourceMesh, bounds: Bounds) -> Heights | None:
@@ -210,21 +204,17 @@ def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
             f"{shown(path.name)},positive={'up' if sign > 0 else 'down'}"
         )
     array = array.isel({dim: 0 for dim, size in array.sizes.items() if size == 1})
-    about = grids.coordinates(dataset, array)
-    lat_dim, lon_dim, lat, lon, mesh = grids.grid_of(dataset, array, about)
-    if set(array.dims) != set(mesh.dims if mesh else (lat_dim, lon_dim)):
+    grid = grids.grid_of(dataset, array, grids.coordinates(dataset, array))
+    if set(array.dims) != set(grid.dims):
         raise ValueError(grid_fault(array))
     attributes = {key.lower(): value for key, value in dataset.attrs.items()}
     return DepthFile(
         path=path,
         variable=name,
-        dims=(lat_dim, lon_dim),
-        lon=lon,
-        lat=lat,
+        grid=grid,
         sign=sign,
         title=attributes.get("title", ""),
         licence=attributes.get("license") or attributes.get("licence") or "",
-        mesh=mesh,
         datum=_datum(attributes.get("verticaldatum", "")),
     )
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
@@ -86,8 +86,7 @@ class LevelSeries(renew.Tide):
         return self._range[1]
 
 
-@dataclass(frozen=True, slots=True)
-class LevelZone:
+class LevelZone(NamedTuple):
     """Water whose level is one series: its `area` is in lon/lat degrees.
 
     The `series` are instants (n,), s since 1970 UTC, and levels (n,), m over the datum.
@@ -124,7 +123,7 @@ def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:
         except ValueError as error:
             faults.append(f"{shown(path.name)}: {error}")
             continue
-        same = (tile for tile in tiles if _is_same_grid(next(iter(tile.values())), dataset))
+        same = (tile for tile in tiles if _grid(next(iter(tile.values()))) == _grid(dataset))
         if (tile := next(same, None)) is None:
             tiles.append(tile := {})
         tile[path] = dataset
@@ -133,9 +132,9 @@ def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:
     return tuple(zone for tile in tiles for zone in _zones(tile))
 
 
-def _is_same_grid(one: "xr.Dataset", other: "xr.Dataset") -> bool:
-    """Whether two datasets have the same nodes."""
-    return all(np.array_equal(one[name].values, other[name].values) for name in ("lon", "lat"))
+def _grid(dataset: "xr.Dataset") -> list[bytes]:
+    """Return the nodes of a dataset, to compare them."""
+    return [dataset[name].values.tobytes() for name in ("lon", "lat")]
 
 
 def _check(dataset: "xr.Dataset") -> None:

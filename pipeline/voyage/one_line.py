@@ -1,5 +1,6 @@
 """Plan a voyage in one call: make its scenario from the request, and run it."""
 
+import inspect
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -119,7 +120,7 @@ def _parameters() -> str:
     )
 
 
-go.__doc__ = str(go.__doc__).replace("    {parameters}", textwrap.indent(_parameters(), "    "))
+go.__doc__ = inspect.cleandoc(str(go.__doc__)).replace("{parameters}", _parameters())
 
 
 def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:  # noqa: ANN401 - see `run`

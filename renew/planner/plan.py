@@ -53,6 +53,9 @@ _SPACING = 0.5
 # Largest number of these points.
 _MAX_POINTS = 20_000
 
+# Number of shut areas that an error names: with official levels each has its own hours.
+_MOST_NAMED = 3
+
 
 def plan_request(request: Request) -> Plan:
     """Plan at the request's departure and at the vessel's own speed."""
@@ -234,7 +237,8 @@ def unavoidable(
     The error gives the areas' hours from a departure (s) on.
     """
     # Many areas of a chart share a name and a needed height of tide.
-    texts = {str(text): text for text in (area.text(departure) for area in closed)}
+    each = {str(text): text for text in (area.text(departure) for area in closed)}
+    texts = list(each.values())[:_MOST_NAMED]
     # Of the reasons of many classes one is enough; an end inside an area is told with the area.
     causes = failure.causes if isinstance(failure, UnreachableError) else ()
     around = Text("")
@@ -243,7 +247,7 @@ def unavoidable(
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
         "the area be entered",
-        Text.joined("; ", list(texts.values())),
+        Text.joined("; ", texts),
         around,
     )
 

@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import zipfile
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,7 @@ def _stored(path: Path) -> Iterator[str]:
             for owner in owners:
                 yield from (str(owner.getncattr(key)) for key in owner.ncattrs())
         return
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         listed = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'rtree%'"
         for (table,) in database.execute(listed).fetchall():
             for row in database.execute(f'SELECT * FROM "{table}"'):  # noqa: S608 - its own

@@ -158,7 +158,7 @@ SIMILARITIES = {
 }
 
 
-@pytest.mark.gate_share(4)
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("name", SIMILARITIES)
 @settings(max_examples=2)
 @given(seed=seeds, clearance=st.sampled_from([0.0, 2.0]))
@@ -279,7 +279,7 @@ def test_small_eddies_cost_no_fuel_beside_the_oracle(spec: tuple[int, int, int, 
     assert fuel <= 1.002 * scene.oracle()[0]
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("kind", ["serpentine", "comb", "spiral", "bay"])
 def test_thin_walls_leave_a_route_without_padding(kind: str) -> None:
     for seed in range(4):

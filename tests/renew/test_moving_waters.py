@@ -130,6 +130,7 @@ def check_beside_the_oracle(seed: int, least: float) -> None:
     assert again == pytest.approx(best.fuel, rel=1e-10)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [1, 5])
 def test_turns_early_on_time_and_late_are_clear(seed: int) -> None:
     scene = moving_scene(seed)

@@ -199,7 +199,7 @@ def test_hours_of_low_and_enough_water_fill_the_time_and_hold_what_they_say(
     assert (spare[is_low] < 0.05).all()
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", range(20))
 def test_no_passage_and_no_turn_is_over_too_little_water(seed: int) -> None:
     scene = tidal_scene(seed)

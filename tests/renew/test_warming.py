@@ -109,7 +109,13 @@ def in_fresh_process(script: str, *arguments: str, root: Path, **variables: str)
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="the compiler is off")
 @pytest.mark.usefixtures("rehearsed")
-@pytest.mark.parametrize(("script", "plans"), [(OPTIONS, 10), (CLOCK, 2)], ids=["options", "clock"])
+@pytest.mark.parametrize(
+    ("script", "plans"),
+    [
+        pytest.param(OPTIONS, 10, id="options"),
+        pytest.param(CLOCK, 2, id="clock", marks=pytest.mark.slow),
+    ],
+)
 def test_no_plan_compiles_anything_after_the_rehearsal(script: str, plans: int, root: Path) -> None:
     scenarios = catalogue.names("scenarios")
     found = json.loads(in_fresh_process(script, *scenarios, root=root))

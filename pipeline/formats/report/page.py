@@ -66,10 +66,11 @@ def render(report: dict[str, Any]) -> str:
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
     loaded.filters.update({kind: partial(_quantity, kind) for kind in ("distance", "clearance")})
-    loaded.filters.update(note_texts=note_texts, season_title=lambda name: result.case(name).title)
+    loaded.filters.update(note_texts=note_texts)
     return loaded.get_template("report.html.jinja").render(
         report=report,
         result=result,
+        titles=lambda seasons: [result.case(name).title for name in seasons],
         scenario=result.scenario,
         land=result.fetched.land,
         straits=[one for one in result.straits if one.way][:MAX_STRAITS],

@@ -23,6 +23,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values, reading
+from pipeline.sources.cf.mesh import SAME_SHARE
 from pipeline.texts import clean
 
 if TYPE_CHECKING:
@@ -56,8 +57,6 @@ _MAX_LON = 720.0
 _MAX_LAT = 91.0
 # Largest span of an axis as a share of the whole: some files repeat a meridian.
 _MAX_TURN = 1.02
-# Difference below which coordinates are equal, as a share of a cell: rounding to float32.
-SAME_SHARE = 1e-3
 
 
 def axis_role(dataset: "xr.Dataset", dim: str) -> str:
@@ -210,13 +209,6 @@ def coordinate_names(dataset: "xr.Dataset", dim: str) -> tuple[str, ...]:
     if len({name.upper() for name in names}) < len(names):
         raise ValueError(f"{dim} has a name twice ({', '.join(names)}); leave one out")
     return tuple(names)
-
-
-def is_same_axis(own: FloatArray, other: FloatArray) -> bool:
-    """Whether two axes have the same values, except for rounding."""
-    if own.shape != other.shape:
-        return False
-    return bool(np.abs(own - other).max() <= SAME_SHARE * np.abs(np.diff(other)).min())
 
 
 # Time that a field stands for if it is the only one in its file.

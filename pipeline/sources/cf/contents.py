@@ -37,7 +37,7 @@ from pipeline.sources.cf.dataset import (
     open_dataset,
     open_together,
 )
-from pipeline.sources.cf.mesh import SourceMesh
+from pipeline.sources.cf.mesh import Axes, SourceMesh
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,41 +69,22 @@ _DEGREES |= dict.fromkeys(("rad", "radian", "radians"), 180.0 / np.pi)
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """One component in one file: names of the variable and of its dimensions, and its axes.
+    """One component in one file: names of the variable and of its time's dimension, and its grid.
 
     `time` is empty where there is no such dimension, `fixed` is the index to use in each other
-    dimension, and `unit` is its unit in m/s, or in degrees for a direction. On a `mesh` there are
-    no axes. The files `beside` add tiles or a mesh (`open_together`).
+    dimension, and `unit` is its unit in m/s, or in degrees for a direction. The files `beside` add
+    tiles or a mesh (`open_together`).
     """
 
     file: Path
     name: str
     time: str
-    lat: str
-    lon: str
     fixed: dict[str, int]
     unit: float
-    lats_deg: FloatArray
-    lons_deg: FloatArray
+    grid: Axes | SourceMesh
     steps: TimeSteps
     notes: tuple[Note, ...]
-    mesh: SourceMesh | None = None
     beside: tuple[Path, ...] = ()
-
-    def is_on_grid_of(self, other: "Component") -> bool:
-        """Whether two components have the same points."""
-        if self.mesh is not None:
-            return self.mesh.is_same(other.mesh)
-        return other.mesh is None and all(
-            axes.is_same_axis(getattr(self, axis), getattr(other, axis))
-            for axis in ("lons_deg", "lats_deg")
-        )
-
-    def on_mesh(self) -> SourceMesh:
-        """Return its mesh, which axes are too."""
-        return self.mesh or SourceMesh(
-            (self.lat, self.lon), *np.meshgrid(self.lons_deg, self.lats_deg)
-        )
 
 
 def read_component(
@@ -135,8 +116,7 @@ def read_component(
         roles[along] = "time"
         about[along] = {"time": along}
     by_role = {role: dim for dim, role in roles.items() if role}
-    lat, lon, lats_deg, lons_deg, mesh = grids.grid_of(dataset, array, about)
-    on_grid = mesh.dims if mesh else (lat, lon)
+    grid = grids.grid_of(dataset, array, about)
     fixed: dict[str, int] = {}
     # A level, or the time, may also be a variable without a dimension.
     scalars = [str(name) for name, variable in dataset.variables.items() if not variable.dims]
@@ -147,7 +127,7 @@ def read_component(
         if role == "level":
             fixed[dim], level_notes = axes.surface_level(dataset, about[dim][role], dim)
             notes += level_notes
-        elif not role and dim not in on_grid:
+        elif not role and dim not in grid.dims:
             fixed[dim], place_notes = _place_along(array, dim, index)
             notes += place_notes
     time = about[by_role["time"]]["time"] if "time" in by_role else ""
@@ -158,17 +138,13 @@ def read_component(
         file=file,
         name=name,
         time=by_role.get("time", ""),
-        lat=lat,
-        lon=lon,
         fixed={dim: at for dim, at in fixed.items() if dim in array.dims},
         unit=unit,
         steps=read_steps(*axes.time_axis(dataset, clock), **step_method(array, clock, named))
         if clock
         else TimeSteps(),
-        lons_deg=lons_deg,
-        lats_deg=lats_deg,
+        grid=grid,
         notes=tuple(notes),
-        mesh=mesh,
     )
 
 
@@ -227,7 +203,7 @@ def require_one_grid(components: Sequence[Component]) -> None:
     """Raise ValueError where components are not on the same points."""
     first = components[0]
     for other in components:
-        if not other.is_on_grid_of(first):
+        if not other.grid.is_same(first.grid):
             raise ValueError(
                 f"{other.name} of {other.file.name} has other longitudes or latitudes than "
                 f"{first.name} of {first.file.name}; give files of one grid"
@@ -334,24 +310,24 @@ class Contents:
     frame: Frame = "east"
 
     @property
-    def mesh(self) -> SourceMesh | None:
-        """The points of the first component; None if they lie on axes."""
-        return self.u[0][0].mesh
+    def grid(self) -> Axes | SourceMesh:
+        """The points of the first component."""
+        return self.u[0][0].grid
 
     @property
     def bounds(self) -> Bounds:
         """Bounds of all points, degrees."""
-        if self.mesh is not None:
-            return self.mesh.extent((0.0, 0.0, 2 * float(np.nanmedian(self.mesh.lon)), 0.0))
+        if isinstance(self.grid, SourceMesh):
+            return self.grid.extent((0.0, 0.0, 2 * float(np.nanmedian(self.grid.lon)), 0.0))
         sides = (self.lon, self.lat)
         west, south, east, north = *(side.min() for side in sides), *(side.max() for side in sides)
         return float(west), float(south), float(east), float(north)
 
     def on_axes(self, region: Bounds) -> "Contents":
         """Return contents that have axes: on a mesh those of a table for a region."""
-        if self.mesh is None:
+        if isinstance(self.grid, Axes):
             return self
-        lon, lat, finest, step = self.mesh.axes(region)
+        lon, lat, finest, step = self.grid.axes(region)
         told = Note.of(
             "current-on-table", is_turned=self.frame == "lines", finest=finest, step=step
         )
@@ -489,7 +465,7 @@ def _contents(
         frame = _frame(pair, contents, datasets)
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
-    told = tuple(_frame_notes(pair, frame, is_on_axes=contents.mesh is None))
+    told = tuple(_frame_notes(pair, frame, is_on_axes=isinstance(contents.grid, Axes)))
     return replace(contents, frame=frame, notes=(*contents.notes, *told))
 
 
@@ -513,22 +489,22 @@ def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") 
     u, v = contents.u[0][0], contents.v[0][0]
     if _is_direction(datasets[v.file][v.name]):
         return "from" if "from" in direction else "to"
-    if u.mesh is None or len(u.mesh.dims) == 1:
+    if isinstance(u.grid, Axes) or len(u.grid.dims) == 1:
         return "east"
     if standard or name.lower() in _GRID_NAMES:
         return "east" if "eastward" in standard else "lines"
     attributes = datasets[u.file][name].attrs
     said = " ".join((name.replace("_", " "), *(attributes.get(key, "") for key in _SAYING))).lower()
     # East and north have no reason to be on points of their own.
-    is_staggered = not u.is_on_grid_of(v)
+    is_staggered = not u.grid.is_same(v.grid)
     if re.search(_EASTWARD, said):
         return "east"
     if is_staggered or re.search(_ALONG, said):
         return "lines"
-    if u.mesh.largest_angle_deg <= _STRAIGHT_DEG:
+    if u.grid.largest_angle_deg <= _STRAIGHT_DEG:
         return "east"
     raise ValueError(
-        f"its grid is turned by up to {u.mesh.largest_angle_deg:.0f} degrees, and nothing says "
+        f"its grid is turned by up to {u.grid.largest_angle_deg:.0f} degrees, and nothing says "
         f"whether {name} is eastward or along the grid's lines; give both components a "
         "standard_name, eastward_sea_water_velocity and northward_sea_water_velocity or "
         "sea_water_x_velocity and sea_water_y_velocity, as with `ncatted -a standard_name`"
@@ -660,11 +636,11 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
         tuple((components[f"{name}_{part}"], step) for part in parts for step in range(count[part]))
         for name in "uv"
     )
-    first = components[wanted[0]]
+    grid = components[wanted[0]].grid
     return Contents(
         files=files,
-        lon=first.lons_deg,
-        lat=first.lats_deg,
+        lon=grid.lon,
+        lat=grid.lat,
         u=u,
         v=v,
         steps=TimeSteps(),
@@ -706,13 +682,13 @@ def _on_shared_grids(
     """
     for parts in (u, v):
         require_one_grid(parts)
-    is_one = u[0].is_on_grid_of(v[0])
-    if u[0].mesh is None and v[0].mesh is None and is_one:
+    is_one = u[0].grid.is_same(v[0].grid)
+    if isinstance(u[0].grid, Axes) and is_one:
         return u, v
-    own = u[0].on_mesh()
-    meshes = (own, own if is_one else v[0].on_mesh())
+    own = u[0].grid.as_mesh()
+    meshes = (own, own if is_one else v[0].grid.as_mesh())
     east, north = (
-        [replace(part, mesh=mesh) for part in parts]
+        [replace(part, grid=mesh) for part in parts]
         for parts, mesh in zip((u, v), meshes, strict=True)
     )
     return east, north
@@ -744,8 +720,8 @@ def _combined(
         )
     return Contents(
         files=files,
-        lon=first.lons_deg if first.mesh is None else np.zeros(0),
-        lat=first.lats_deg if first.mesh is None else np.zeros(0),
+        lon=first.grid.lon if isinstance(first.grid, Axes) else np.zeros(0),
+        lat=first.grid.lat if isinstance(first.grid, Axes) else np.zeros(0),
         u=tuple((u[file], step) for file, step in u_index),
         v=tuple((v[file], step) for file, step in v_index),
         steps=u_steps,

@@ -135,9 +135,11 @@ def open_together(path: Path, beside: Sequence[Path]) -> "xr.Dataset":
     Tiles of S-100 become one mesh of points. Any other file lends the variables that this one
     lacks and has the dimensions for: its mesh, its positions, its mask.
     """
+    if not beside:
+        return open_dataset(path)
     opened = [open_dataset(one) for one in (path, *beside)]
     if s100.is_from_s100(opened[0]):
-        return s100.joined(opened) if beside else opened[0]
+        return s100.joined(opened)
     whole, *lenders = opened
     for lender in lenders:
         lent = {

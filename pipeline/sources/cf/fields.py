@@ -24,10 +24,10 @@ from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond, widened
 from pipeline.model import Note
 from pipeline.scenario.season import Period, Season, TimeMethod
-from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
-from pipeline.sources.cf.contents import Component, Contents, StepInFile
+from pipeline.sources.cf.axes import TimeSteps, label
+from pipeline.sources.cf.contents import Component, Contents
 from pipeline.sources.cf.dataset import open_dataset, open_together, reading
-from pipeline.sources.cf.mesh import SourceMesh, Table
+from pipeline.sources.cf.mesh import SAME_SHARE, Axes, SourceMesh, Table
 from pipeline.sources.current_field import Field, LandMask
 from renew.inputs.tide import arguments, speeds
 
@@ -82,7 +82,7 @@ def steps_of_season(
     if contents.constituents:
         return _of_constants(contents, case, step, with_mean=with_mean)
     if case.is_changing:
-        return select_all_steps(contents.steps, case.period, contents.u)
+        return select_all_steps(contents.steps, case.period)
     return select_steps(contents.steps, case.period, case.resolved_time_method)
 
 
@@ -214,18 +214,15 @@ def _of_constants(
     )
 
 
-def select_all_steps(
-    steps: TimeSteps, period: Period, series: Sequence[StepInFile] = ()
-) -> SelectedSteps:
+def select_all_steps(steps: TimeSteps, period: Period) -> SelectedSteps:
     """Select all steps from the one before a period's begin to the one after its end.
 
-    Each is a field of its own. `series` says where each step of a component stands, if known.
+    Each is a field of its own.
 
     Raises
     ------
     ValueError
-        The period does not begin between two steps, steps are missing in it, or in a file they
-        stand in another order than their times.
+        The period does not begin between two steps, or steps are missing in it.
     """
     moments, departure = steps.moments, period.begin
     if len(moments) < 2:
@@ -245,8 +242,7 @@ def select_all_steps(
     end_s = (period.end - departure).total_seconds()
     last = min(max(int(np.searchsorted(times, end_s)), first + 1), len(times) - 1)
     chosen = range(first, last + 1)
-    faults = [*_holes(steps, chosen), *_descending(moments, series, chosen if series else ())]
-    if faults:
+    if faults := list(_holes(steps, chosen)):
         raise ValueError("; ".join(faults))
     labels = tuple(label(moments[i]) for i in chosen)
     return SelectedSteps(
@@ -268,22 +264,6 @@ def _holes(steps: TimeSteps, chosen: Sequence[int]) -> Iterator[str]:
         yield (
             f"it has no step between {label(moments[i])} and {label(moments[i + 1])}, and others "
             f"every {usual.total_seconds() / 3600:g} hours; give a file without holes"
-        )
-
-
-def _descending(
-    moments: Sequence[datetime], series: Sequence[StepInFile], chosen: Sequence[int]
-) -> Iterator[str]:
-    """Find steps of one file that stand in another order than their times."""
-    wrong = [
-        (earlier, later)
-        for earlier, later in itertools.pairwise(chosen)
-        if series[earlier][0] is series[later][0] and series[earlier][1] > series[later][1]
-    ]
-    for earlier, later in wrong[:_MAX_FAULTS]:
-        yield (
-            f"its steps don't ascend: {label(moments[later])} stands before "
-            f"{label(moments[earlier])}; sort them by time"
         )
 
 
@@ -316,6 +296,20 @@ class Window:
     lat: FloatArray
     rows: slice
     columns: tuple[slice, ...]
+    outside: None = None
+
+    def read(self, variable: "xr.Variable", dims: tuple[str, ...]) -> FloatArray:
+        """Read a variable in the window (..., ny, nx); `dims` are those along lat and lon."""
+        lat, lon = dims
+        runs = [
+            variable.isel({lat: self.rows, lon: run}).load().transpose(..., lat, lon).values
+            for run in self.columns
+        ]
+        return np.concatenate(runs, axis=-1).astype(float)
+
+    def interpolated(self, values: FloatArray) -> FloatArray:
+        """Return values as they are: the points are the nodes."""
+        return values
 
 
 def find_window(lon: FloatArray, lat: FloatArray, bounds: Bounds) -> Window:
@@ -344,16 +338,6 @@ def _runs(indices: IndexArray, step: int) -> tuple[slice, ...]:
         for run in np.split(indices, ends)
         if run.size
     ) or (slice(0, 0),)
-
-
-def read_window(variable: "xr.Variable", dims: tuple[str, str], window: Window) -> FloatArray:
-    """Read a variable in a window (..., ny, nx); `dims` are its dimensions along lat and lon."""
-    lat, lon = dims
-    runs = [
-        variable.isel({lat: window.rows, lon: run}).load().transpose(..., lat, lon).values
-        for run in window.columns
-    ]
-    return np.concatenate(runs, axis=-1).astype(float)
 
 
 def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
@@ -449,7 +433,7 @@ class FieldReader:
     def _most(self) -> int:
         """Number of fields that are in memory at a time."""
         sizes = [self._window.lat.size * self._window.lon.size, 1]
-        sizes += [mesh.lon.size for mesh in self._meshes if mesh is not None]
+        sizes += [grid.lon.size for grid in self._grids if isinstance(grid, SourceMesh)]
         return max(1, _CHUNK_VALUES // max(sizes))
 
     def _weighted_sums(self, weights: Sequence[Mapping[int, float]]) -> FloatArray:
@@ -493,41 +477,45 @@ class FieldReader:
         if frame in {"to", "from"}:
             bearing = np.radians(second + 180.0 * (frame == "from"))
             first, second = first * np.sin(bearing), first * np.cos(bearing)
-        if self._meshes[0] is None:
-            return [first, second]
         east, north = (
             table.interpolated(part)
             for table, part in zip(self._tables, (first, second), strict=True)
         )
-        return list(self._tables[0].turned(east, north)) if frame == "lines" else [east, north]
+        if frame == "lines" and isinstance(table := self._tables[0], Table):
+            return list(table.turned(east, north))
+        return [east, north]
 
-    @cached_property
-    def _meshes(self) -> tuple[SourceMesh | None, SourceMesh | None]:
-        """The meshes of the two components."""
-        return self._contents.u[0][0].mesh, self._contents.v[0][0].mesh
+    @property
+    def _grids(self) -> tuple[Axes | SourceMesh, Axes | SourceMesh]:
+        """The points of the two components."""
+        return self._contents.u[0][0].grid, self._contents.v[0][0].grid
 
     @cached_property
     def _outside(self) -> BoolArray | None:
         """Nodes (ny, nx) of the window outside the meshes; None on axes."""
-        if self._meshes[0] is None:
-            return None
-        first, second = self._tables
-        return first.outside | second.outside
+        first, second = (table.outside for table in self._tables)
+        return None if first is None or second is None else first | second
 
     @cached_property
-    def _tables(self) -> tuple[Table, Table]:
+    def _tables(self) -> tuple[Window | Table, Window | Table]:
         """How values at the points of the two components become those at the window's nodes."""
-        first, second = (mesh for mesh in self._meshes if mesh is not None)
+        first, second = self._grids
+        if isinstance(first, Axes) or isinstance(second, Axes):
+            return self._window, self._window
         table = first.table(self._window.lon, self._window.lat)
         is_one = second is first
         return table, table if is_one else second.table(self._window.lon, self._window.lat)
 
+    def _table_of(self, component: Component) -> Window | Table:
+        """Return the table of a component's points."""
+        return self._tables[component.grid is not self._grids[0]]
+
     def _source_values(self, component: Component, steps: Sequence[int]) -> FloatArray:
         """Read steps of a file (nt, ...), in m/s or degrees, at its own points; NaN on land."""
         values = self._as_stored(component, steps)
-        if component.mesh is not None and len(component.mesh.dims) == 2:
+        if isinstance(component.grid, SourceMesh) and len(component.grid.dims) == 2:
             if component not in self._dry:
-                self._dry[component] = self._dry_points(component, component.mesh)
+                self._dry[component] = self._dry_points(component, component.grid)
             values[:, self._dry[component]] = np.nan
         return values
 
@@ -541,20 +529,11 @@ class FieldReader:
             variable = self._dataset(component).variables[component.name]
             with reading():
                 variable = variable.isel(component.fixed).isel(part)
-                if component.mesh is None:
-                    values = read_window(variable, (component.lat, component.lon), self._window)
-                else:
-                    values = self._part_of(variable, component.mesh).astype(float)
+                values = self._table_of(component).read(variable, component.grid.dims)
         except ValueError as error:
             raise ValueError(f"{component.file.name}: {error}") from None
         spatial = values.shape[1:] if component.time else values.shape
         return np.asarray(component.unit * values.reshape(-1, *spatial))
-
-    def _part_of(self, variable: "xr.Variable", mesh: SourceMesh) -> FloatArray:
-        """Read the part of a variable on a mesh that the window needs."""
-        table = self._tables[self._meshes.index(mesh)]
-        part = variable.isel(dict(zip(mesh.dims, table.part, strict=True)))
-        return np.asarray(part.load().transpose(..., *mesh.dims).values)
 
     def _dry_points(self, component: Component, mesh: SourceMesh) -> BoolArray:
         """Return which points of curved lines are on land, though they have a value there: 0.
@@ -569,9 +548,10 @@ class FieldReader:
         for name, variable in self._dataset(component).variables.items():
             if set(variable.dims) == set(mesh.dims) and (said := _MASK.search(str(name).lower())):
                 with reading():
-                    mask = self._part_of(variable, mesh)
+                    mask = self._table_of(component).read(variable, mesh.dims)
                 return np.asarray(zero & (mask == (said[0] == "land")))
-        part = self._tables[self._meshes.index(mesh)].part
+        table = self._table_of(component)
+        part = table.part if isinstance(table, Table) else ()
         lon, lat = mesh.lon[part], mesh.lat[part]
         placed, is_land = np.isfinite(lon + lat), np.zeros(lon.shape, dtype=bool)
         is_land[placed] = LandMask.world().is_land(lon[placed], lat[placed])
@@ -722,7 +702,7 @@ def weak_cells(contents: Contents, bounds: Bounds) -> BoolArray | None:
     window = find_window(contents.lon, contents.lat, bounds)
     with open_dataset(part.file) as dataset:
         share = dataset.variables.get("variance_share")
-        if share is None or share.dims != (part.lat, part.lon):
+        if share is None or share.dims != part.grid.dims:
             return None
         with reading():
-            return np.asarray(read_window(share, (part.lat, part.lon), window) < WEAK_SHARE)
+            return np.asarray(window.read(share, part.grid.dims) < WEAK_SHARE)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline._types import FloatArray, IndexArray
-from pipeline.sources.cf.axes import SAME_SHARE, axis_role, coordinate_axis, grid_fault
+from pipeline.sources.cf.axes import axis_role, coordinate_axis, grid_fault
 from pipeline.sources.cf.dataset import reading
-from pipeline.sources.cf.mesh import SourceMesh, corner_triangles
+from pipeline.sources.cf.mesh import SAME_SHARE, Axes, SourceMesh, corner_triangles
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,8 +78,8 @@ def _named_first(
 
 def grid_of(
     dataset: "xr.Dataset", array: "xr.DataArray", about: Mapping[str, Mapping[str, str]]
-) -> tuple[str, str, FloatArray, FloatArray, SourceMesh | None]:
-    """Return the dimensions and axes (lat, lon, lats, lons) of a variable, or the mesh it is on.
+) -> Axes | SourceMesh:
+    """Return the axes of a variable, or the mesh that it is on.
 
     `about` is what `coordinates` returns.
 
@@ -94,17 +94,14 @@ def grid_of(
     if "lon" in along and "lat" in along and not is_turned:
         lat, lon = along["lat"], along["lon"]
         lons = coordinate_axis(dataset, about[lon]["lon"], period=360.0)
-        return lat, lon, coordinate_axis(dataset, about[lat]["lat"]), lons, None
-    nowhere = np.zeros(0)
-    mesh = _curved_lines(dataset, array)
-    if mesh is not None:
-        straight = _straight_axes(mesh)
-        return (*straight, None) if straight else ("", "", nowhere, nowhere, mesh)
+        return Axes((lat, lon), lons, coordinate_axis(dataset, about[lat]["lat"]))
+    if (lines := _curved_lines(dataset, array)) is not None:
+        return _straight_axes(lines) or lines
     of_mesh = array.attrs.get("mesh", "") in dataset.variables
     for dim in map(str, reversed(array.dims)):
         is_of_points = len(about[dim]) > 1 and {"lon", "lat"} <= about[dim].keys()
         if is_of_points or (of_mesh and not about[dim] and dim.lower() not in SURFACE):
-            return "", "", nowhere, nowhere, _cells_of_mesh(dataset, array, dim)
+            return _cells_of_mesh(dataset, array, dim)
     raise ValueError(grid_fault(array, array.attrs["grid_mapping"] if is_turned else ""))
 
 
@@ -127,8 +124,8 @@ def _is_turned(pair: tuple[str, str]) -> bool:
     return first in _ALONG_X and second in _ALONG_Y
 
 
-def _straight_axes(mesh: SourceMesh) -> tuple[str, str, FloatArray, FloatArray] | None:
-    """Return dimensions and axes (lat dim, lon dim, lats, lons) of lines that are not curved."""
+def _straight_axes(mesh: SourceMesh) -> Axes | None:
+    """Return the axes of lines that are not curved."""
     lines = ((mesh.dims, mesh.lon, mesh.lat), (mesh.dims[::-1], mesh.lon.T, mesh.lat.T))
     for (lat_dim, lon_dim), lon, lat in lines:
         if min(lon.shape) < 2 or not np.isfinite(lon + lat).all():
@@ -138,7 +135,7 @@ def _straight_axes(mesh: SourceMesh) -> tuple[str, str, FloatArray, FloatArray] 
             np.abs(lon - lon[:1]).max() <= slack and np.abs(lat - lat[:, :1]).max() <= slack
         )
         if slack > 0 and is_straight:
-            return lat_dim, lon_dim, lat[:, 0], lon[0]
+            return Axes((lat_dim, lon_dim), lon[0], lat[:, 0])
     return None
 
 

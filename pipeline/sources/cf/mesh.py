@@ -25,6 +25,7 @@ from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.projection import Bounds, widened
 
 if TYPE_CHECKING:
+    import xarray as xr
     from scipy.sparse import csr_array
 
 # Weight of points with data from which a node has a value: half, so that land reaches as far as on
@@ -45,6 +46,31 @@ _MAX_NODES = 500_000
 _STEPS_BEYOND = 300
 
 
+# Difference below which coordinates are equal, as a share of a cell: rounding to float32.
+SAME_SHARE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Axes:
+    """Points on axes, degrees: `lat` (ny,) and `lon` (nx,) along `dims`, in the file's order."""
+
+    dims: tuple[str, str]
+    lon: FloatArray
+    lat: FloatArray
+
+    def is_same(self, other: "Axes | SourceMesh") -> bool:
+        """Whether another grid has the same points, except for rounding."""
+        return isinstance(other, Axes) and all(
+            own.shape == axis.shape
+            and np.abs(own - axis).max() <= SAME_SHARE * np.abs(np.diff(axis)).min()
+            for own, axis in ((self.lon, other.lon), (self.lat, other.lat))
+        )
+
+    def as_mesh(self) -> "SourceMesh":
+        """Return the same points as a mesh."""
+        return SourceMesh(self.dims, *np.meshgrid(self.lon, self.lat))
+
+
 @dataclass(frozen=True, eq=False)
 class SourceMesh:
     """Points of values, in degrees, and the cells between them.
@@ -63,10 +89,14 @@ class SourceMesh:
     node_lat: FloatArray | None = None
     cells: IndexArray | None = None
 
-    def is_same(self, other: "SourceMesh | None") -> bool:
-        """Whether another mesh has the same points."""
+    def as_mesh(self) -> "SourceMesh":
+        """Return itself."""
+        return self
+
+    def is_same(self, other: "Axes | SourceMesh") -> bool:
+        """Whether another grid has the same points."""
         return (
-            other is not None
+            isinstance(other, SourceMesh)
             and np.array_equal(self.lon, other.lon, equal_nan=True)
             and np.array_equal(self.lat, other.lat, equal_nan=True)
         )
@@ -226,8 +256,13 @@ class Table:
     around: "csr_array[Any, Any]"
     turn: tuple[FloatArray, FloatArray] | None
 
+    def read(self, variable: "xr.Variable", dims: tuple[str, ...]) -> FloatArray:
+        """Read the part of a variable (..., points) that is needed; `dims` are the points'."""
+        part = variable.isel(dict(zip(dims, self.part, strict=True)))
+        return part.load().transpose(..., *dims).values.astype(float)
+
     @property
-    def outside(self) -> BoolArray:
+    def outside(self) -> BoolArray | None:
         """Nodes (ny, nx) in no cell."""
         return np.asarray((self.around.sum(axis=1) == 0).reshape(self.shape))
 

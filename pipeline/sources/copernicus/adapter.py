@@ -39,7 +39,7 @@ from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.axes import SURFACE_DEPTH_M, TimeSteps, coordinate_axis, decoded_times
 from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
-from pipeline.sources.cf.fields import SelectedSteps, Window, find_window, read_window
+from pipeline.sources.cf.fields import SelectedSteps, Window, find_window
 from pipeline.sources.copernicus.client import LOGIN, around_missing, has_account
 from pipeline.sources.copernicus.download import (
     SubsetRequest,
@@ -375,7 +375,7 @@ def _read_fields(
     first_gap, fastest_m_s = None, asked.spec.speed_limit_m_s
     for step, label in enumerate(labels):
         u, v = (
-            read_window(dataset.variables[name].isel(time=step), _DIMS, window).reshape(shape)
+            window.read(dataset.variables[name].isel(time=step), _DIMS).reshape(shape)
             for name in (asked.spec.eastward, asked.spec.northward)
         )
         gap = ~np.isfinite(u)

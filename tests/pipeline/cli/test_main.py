@@ -67,7 +67,7 @@ def test_what_runs_offline_has_a_current_there(name: str) -> None:
         assert offline != needs_account, season.name
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
     def completed(words: str) -> str:

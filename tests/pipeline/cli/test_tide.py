@@ -64,7 +64,7 @@ def test_a_week_from_today_is_listed_where_no_times_are_given() -> None:
 
 @pytest.mark.parametrize(
     ("out", "reason"),
-    [("a" * 300, "too long a path"), (".", "can't be a file"), ("a\0b", "null byte")],
+    [("a" * 300, "too long a path"), (".", "can't be a file"), ("a\0b", "embedded null ")],
 )
 def test_a_file_of_constants_that_cannot_be_written_is_refused_at_once(
     out: str, reason: str

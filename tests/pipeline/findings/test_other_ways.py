@@ -111,7 +111,7 @@ def ways_m(scene: Case) -> tuple[float, float]:
     return min(ways), float(np.linalg.norm(scene.goal - scene.start))
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     ("width_m", "clearance", "by"),
     [(110.0, 300.0, "margin"), (500.0, 300.0, "padding"), (1000.0, 300.0, ""), (300.0, 0.0, "")],

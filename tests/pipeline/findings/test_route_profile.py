@@ -339,7 +339,7 @@ def times_in_files(result: RunResult, season: str, folder: Path) -> dict[str, li
     }
 
 
-@pytest.mark.gate_share(4)
+@pytest.mark.gate_share(2)
 def test_no_file_asks_for_more_than_the_vessel_can_sail(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.results[0].name
     points = case_waypoints(any_run.case(season))[0]

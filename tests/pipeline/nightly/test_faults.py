@@ -79,6 +79,7 @@ def test_a_disk_that_is_full(tmp_path: Path, cluster: str) -> None:
         assert len(rows(disk / "out")) == 16
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("size_kb", [32, 64, 128])
 def test_a_full_disk_is_no_lack_of_currents(tmp_path: Path, cluster: str, size_kb: int) -> None:
     """Where land and currents are stored, a full disk fails the night: code 1, which is told."""

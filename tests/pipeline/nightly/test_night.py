@@ -6,6 +6,7 @@ import csv
 import json
 import shutil
 import sqlite3
+from contextlib import closing
 from datetime import timedelta
 from pathlib import Path
 
@@ -252,7 +253,7 @@ def test_damage_is_found_before_anything_is_published(tmp_path: Path, finished: 
     check_files(folder, 6)
     with pytest.raises(StageError, match="6 rows for 7 cases"):
         check_files(folder, 7)
-    with sqlite3.connect(folder / "routes.gpkg") as database:
+    with closing(sqlite3.connect(folder / "routes.gpkg")) as database:
         database.execute("DROP TABLE routes")
     with pytest.raises(StageError, match="a file does not open"):
         check_files(folder, 6)

@@ -121,6 +121,7 @@ with ending_promptly():
 """
 
 
+@pytest.mark.slow
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("what", ["Deaf(); time.sleep(30)", "import atexit; atexit.register(Deaf)"])

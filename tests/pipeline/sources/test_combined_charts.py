@@ -376,7 +376,7 @@ def test_rasters_that_are_not_read_are_named_with_a_command_that_helps(
     if "aeqd" not in steps[0]:
         subprocess.run(shlex.split(command), check=True, cwd=tmp_path)
         found = DepthFile.open(tmp_path / "1_read.tif", "up")
-        assert found.lon.size == LON.size
+        assert found.grid.lon.size == LON.size
 
 
 def test_of_curved_lines_the_highest_around_counts(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("canal", PAIRS)
 def test_each_pair_of_seas_is_joined_by_its_canal(canal: Canal) -> None:
     for ends, around_m in ((canal.ends, None), (canal.ends[::-1], 2.0 * canal.length_m)):

@@ -239,6 +239,7 @@ def advised(error: RequestError) -> tuple[str, tuple[float, float]]:
     return found[4], (float(found[1]), float(found[2]))
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("in_pool", ["start", "goal"])
 def test_a_stop_in_a_pool_is_moved_out_of_it(
     in_pool: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

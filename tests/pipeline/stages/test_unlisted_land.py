@@ -78,6 +78,7 @@ def test_a_route_over_land_that_a_file_lacks_is_refused_and_both_remedies_work(
     assert "OpenStreetMap has land where routes cross water of this chart" in said
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.usefixtures("plain_report")
 @pytest.mark.parametrize(("coarser_deg", "off_deg"), [(0.0, 4e-4), (0.001, 0.0)])
 def test_a_chart_of_about_the_same_coast_is_planned_on(

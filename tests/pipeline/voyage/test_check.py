@@ -75,6 +75,7 @@ def test_our_own_path_costs_what_was_planned(folder: Path, planned: Outcome) -> 
         assert abs(found[beside]["fuel_more_share"]) < 1e-3
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("kind", ["gpx", "rtz"])
 def test_times_of_our_own_legs_are_those_that_the_file_states(
     folder: Path, planned: Outcome, kind: str

@@ -280,6 +280,7 @@ def _other_version(folder: Path) -> None:
     file.write_text(json.dumps(content))
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize(
     ("damage", "said"),
     [

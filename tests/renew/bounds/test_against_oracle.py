@@ -149,6 +149,7 @@ MOST = SIZE / PAPER_VESSEL.speed
 RATE = PAPER_VESSEL.fuel_rate
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("seed", "peak"), [(1, 0.7), (2, 1.4)])
 def test_no_grid_path_to_a_haven_is_quicker_than_the_bound(seed: int, peak: float) -> None:
     scene = random_scene(seed, peak)

@@ -253,6 +253,7 @@ def is_barely_missed(route: renew.Route, plan: renew.Plan) -> bool:
     )
 
 
+@pytest.mark.gate_share(2)
 @needs_triangle
 @pytest.mark.parametrize(
     "scene",

@@ -257,7 +257,7 @@ def test_islands_below_the_least_size_name_no_class() -> None:
     assert len(problem.enumerator(0.0).channels(20)) == 2
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [126, 322, 498])
 def test_finds_the_way_that_a_coarse_roadmap_misses(seed: int) -> None:
     """Thin walls, with the current from still to strong; without it: 41, 17 and 32 % dearer."""

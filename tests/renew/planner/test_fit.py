@@ -24,7 +24,7 @@ def collisions(scene: Scene[Any], route: renew.Route, seed: int) -> int:
     ).collisions
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 1, 4, 18, 21])
 def test_padding_fitted_to_turns_costs_less_fuel_and_no_safety(seed: int) -> None:
     scene = random_scene(seed)

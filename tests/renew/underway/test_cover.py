@@ -219,6 +219,7 @@ def test_a_current_of_later_hours_leaves_nothing_open_before_them() -> None:
             assert stretch.least <= math.dist(begin, (60.0, 20.0)) / 0.4
 
 
+@pytest.mark.slow
 def test_a_route_of_one_long_leg_in_a_current_that_rises_fast_is_its_own() -> None:
     chart = renew.Chart(box(0, 0, 320, 100))
     still, back = renew.UniformCurrent(0.0, 0.0), renew.UniformCurrent(-0.6, 0.0)

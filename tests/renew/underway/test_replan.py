@@ -265,6 +265,7 @@ def test_its_fuel_is_that_of_its_own_path(
             assert len(best.times) == len(best.path)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_from_any_heading_the_track_is_one_that_the_vessel_can_sail(seed: int) -> None:
     scene = random_scene(seed)

@@ -21,7 +21,7 @@ OPEN = renew.Chart(box(0, 0, 150, 150))
 START, GOAL = (20.0, 30.0), (130.0, 120.0)
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("drift", ["projected", "crab"])
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 @pytest.mark.parametrize("seed", range(3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,12 @@ from pipeline.findings.note_words import note_text
 from pipeline.scenario.season import TimeMethod, period
 from pipeline.sources.cf.axes import (
     TimeSteps,
-    is_same_axis,
     merge_steps,
     read_steps,
     reference_time,
 )
 from pipeline.sources.cf.fields import select_steps
+from pipeline.sources.cf.mesh import Axes
 from tests.pipeline.sources.cf.sample_files import LON, SEA, refusal
 from tests.pipeline.synthetic_currents import dataset
 
@@ -38,9 +39,11 @@ def test_coordinates_outside_their_bounds_are_refused(tmp_path: Path) -> None:
 
 
 def test_axes_are_the_same_but_for_rounding() -> None:
-    assert is_same_axis(LON.astype("f4").astype(float) + 1e-5, LON)
-    assert not is_same_axis(LON + 0.01, LON)
-    assert not is_same_axis(LON[:-1], LON)
+    own = Axes(("y", "x"), LON, LON / 4)
+    assert own.is_same(Axes(("lat", "lon"), LON.astype("f4").astype(float) + 1e-5, LON / 4))
+    assert not own.is_same(replace(own, lon=LON + 0.01))
+    assert not own.is_same(replace(own, lon=LON[:-1]))
+    assert not own.is_same(own.as_mesh())
 
 
 # --- The time steps of the user's files, and which of them make up a season's field ---

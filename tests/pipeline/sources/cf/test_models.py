@@ -176,18 +176,18 @@ def _swapped(self: FieldReader, first: FloatArray, second: FloatArray) -> list[F
     return _RIGHT(self, first, second)[::-1]
 
 
-def _shifted(self: FieldReader, variable: xr.Variable, mesh: SourceMesh) -> FloatArray:
-    return np.roll(_PART(self, variable, mesh), 1, axis=-1)
+def _shifted(self: Table, variable: xr.Variable, dims: tuple[str, ...]) -> FloatArray:
+    return np.roll(_PART(self, variable, dims), 1, axis=-1)
 
 
-_RIGHT, _PART = FieldReader._east_and_north, FieldReader._part_of
+_RIGHT, _PART = FieldReader._east_and_north, Table.read
 # Faults of a reader: what is replaced by what, and the form in which it is seen.
 FAULTS: dict[str, tuple[object, str, object, str]] = {
     "angle ignored": (Table, "turned", _turned(np.zeros_like), "turned and curved"),
     "angle of the wrong sign": (Table, "turned", _turned(np.negative), "turned and curved"),
     "angle in degrees": (Table, "turned", _turned(np.degrees), "turned and curved"),
     "swapped": (FieldReader, "_east_and_north", _swapped, "triangles, on nodes"),
-    "faces off by one": (FieldReader, "_part_of", _shifted, "staggered"),
+    "faces off by one": (Table, "read", _shifted, "staggered"),
     "turned twice": (contents, "_frame", lambda *_: "lines", "eastward"),
     "direction from": (contents, "_frame", lambda *_: "from", "S-111 2 of 1.0"),
 }
