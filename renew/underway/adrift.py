@@ -36,6 +36,8 @@ _LONGEST_STEP = 300.0
 _STEP = 0.25
 # Share of the time between two slices of a changing current that a step lasts at most.
 _STEP_IN_TIME = 0.25
+# Largest number of steps.
+_MOST_STEPS = 5_000
 # Number of cells along the longer side of the raster of the shore.
 _CELLS = 400
 
@@ -133,7 +135,7 @@ def adrift(
     start, end = _edges(polygons)
     xmin, ymin, xmax, ymax = bounds = chart.bounds
     shore = shore_of(start, end, bounds, max(xmax - xmin, ymax - ymin) / _CELLS)
-    step = _step(table, chart)
+    step = max(_step(table, chart), horizon / _MOST_STEPS)
     known = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(route.path, axis=0), axis=1))])
 
     until = float(horizon), float(field.span[1])

@@ -19,7 +19,9 @@ VESSEL = renew.Vessel(speed=5.0, turn_rate=0.05)
 def sailed(path: list[tuple[float, float]], current: renew.CurrentField) -> renew.Route:
     """A route along a line, as it is drawn, in open water."""
     open_water = renew.Chart(EXTENT)
-    return renew.assess(path, open_water, current, VESSEL, padding="none", classes=1).route
+    return renew.assess(
+        np.array(path), open_water, current, VESSEL, padding="none", classes=1
+    ).route
 
 
 def followed(
@@ -67,7 +69,7 @@ def test_round_a_centre_it_is_the_angle_by_the_rate() -> None:
 
     def solid(points: FloatArray) -> FloatArray:
         x, y = points[..., 0] - centre[0], points[..., 1] - centre[1]
-        return rate * np.stack([-y, x], axis=-1)
+        return np.asarray(rate * np.stack([-y, x], axis=-1))
 
     wall = shapely.box(52_000, 49_500, 99_000, 50_000)
     current = FunctionCurrent(solid)
@@ -86,7 +88,7 @@ def test_round_a_centre_it_is_the_angle_by_the_rate() -> None:
 def eddies(points: FloatArray) -> FloatArray:
     """Return a steady current of up to 1 m/s."""
     x, y = points[..., 0] / 9_000, points[..., 1] / 11_000
-    return 0.7 * np.stack([np.sin(y) + 0.3 * np.cos(x), np.cos(x)], axis=-1)
+    return np.asarray(0.7 * np.stack([np.sin(y) + 0.3 * np.cos(x), np.cos(x)], axis=-1))
 
 
 def turning(points: FloatArray, time: FloatArray) -> FloatArray:
