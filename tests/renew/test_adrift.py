@@ -94,7 +94,7 @@ def eddies(points: FloatArray) -> FloatArray:
 def turning(points: FloatArray, time: FloatArray) -> FloatArray:
     """Return the eddies in a tide of twelve hours and a half."""
     swing = np.cos(2 * np.pi * np.asarray(time)[..., None] / 45_000)
-    return eddies(points) * swing + np.array([0.15, -0.05])
+    return np.asarray(eddies(points) * swing + np.array([0.15, -0.05]))
 
 
 @pytest.mark.parametrize(
