@@ -17,33 +17,33 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_470, 28),
     "pipeline": (1_120, 12),
-    "pipeline/cli": (2_620, 6),
-    "pipeline/findings": (3_562, 17),
-    "pipeline/formats": (7_849, 15),
+    "pipeline/cli": (2_622, 6),
+    "pipeline/findings": (3_624, 17),
+    "pipeline/formats": (7_885, 15),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
-    "pipeline/model": (1_416, 34),
+    "pipeline/model": (1_450, 35),
     "pipeline/nightly": (3_620, 28),
-    "pipeline/scenario": (2_574, 36),
+    "pipeline/scenario": (2_579, 36),
     "pipeline/serve": (1_484, 9),
-    "pipeline/sources": (10_179, 45),
-    "pipeline/stages": (5_047, 15),
-    "pipeline/voyage": (2_367, 9),
+    "pipeline/sources": (10_197, 45),
+    "pipeline/stages": (5_179, 15),
+    "pipeline/voyage": (2_405, 9),
     "renew/bounds": (1_603, 8),
     "renew/classes": (2_418, 14),
     "renew/inputs": (2_151, 23),
-    "renew/kernels": (2_249, 19),
+    "renew/kernels": (2_251, 18),
     "renew/paths": (1_843, 9),
-    "renew/planner": (3_345, 10),
+    "renew/planner": (3_397, 11),
     "renew/steering": (896, 1),
-    "renew/turns": (1_635, 13),
+    "renew/turns": (1_642, 13),
     "renew/underway": (2_315, 13),
     "renew/vary": (1_825, 9),
     "renew/voyage": (769, 5),
 }
-MOST_FILES = 223
+MOST_FILES = 224
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 532)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 534)}
 
 
 def modules(room: str) -> dict[Path, str]:

@@ -219,6 +219,34 @@ class ShoreCrossing:
     inland_m: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class NarrowStretch:
+    """A stretch of a route without room for a hard-over turn at its speed.
+
+    Attributes
+    ----------
+    rank : the route's.
+    line : (n, 2) planar metres, from its begin to its end.
+    place : (2,) planar metres, its tightest place.
+    begin_m, length_m : where it begins along the route, and how long it is, true metres.
+    width_m : the width of the water at that place, true metres; inf where it is wide, beside
+        an islet.
+    needed_m : the room to a side that a turn needs, in still water the turning circle.
+    kept_m : the largest turning circle that fits, in steps of 5 %; 0 if hardly any does.
+    side : the side to which a turn meets land.
+    """
+
+    rank: int
+    line: FloatArray
+    place: FloatArray
+    begin_m: float
+    length_m: float
+    width_m: float
+    needed_m: float
+    kept_m: float
+    side: Literal["port", "starboard", "either side"]
+
+
 @dataclass(frozen=True, slots=True)
 class ShutStrait:
     """A strait of the original land that no route takes, as margin or padding shuts it.
@@ -408,6 +436,7 @@ class Measures:
 
     All turns are counted; of the places where no turn touches land, about a thousand per route are
     stored. `adrift` is how long each route is from land without thrust; empty in a plane.
+    stored. `narrow` are the stretches without room for a turn, by rank and along each route.
     `gap_shares` are there if they were asked for, `clock_worth` if the current changes.
     """
 
@@ -415,6 +444,7 @@ class Measures:
     turns: tuple[renew.Contingency, ...] = ()
     shore_crossings: tuple[ShoreCrossing, ...] = ()
     adrift: tuple[renew.Adrift, ...] = ()
+    narrow: tuple[NarrowStretch, ...] = ()
     gap_shares: GapShares | None = None
     clock_worth: ClockWorth | None = None
 

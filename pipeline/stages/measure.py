@@ -9,7 +9,7 @@ Fuel is measured by the causes of its gap to the bound, and by what the clock is
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import timedelta
 
@@ -28,6 +28,7 @@ from pipeline.model import (
     EnsembleFigures,
     GapShares,
     Measures,
+    NarrowStretch,
     Place,
     RouteMetrics,
     ShoreCrossing,
@@ -38,6 +39,7 @@ from pipeline.model import (
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
+from pipeline.stages.narrow import narrow_stretches
 from renew.inputs.options import MAX_STATIONS, Drift
 from renew.turns.turn_reach import TurnReach
 from renew.vary.ensemble import STATISTICS
@@ -73,11 +75,13 @@ def measured(case: Case, result: CaseResult, options: PlannerOptions) -> Measure
     if not routes:
         return Measures()
     evaluator = _RouteEvaluator(case, routes, options)
-    rows, flown, adrift = list[RouteMetrics](), list[renew.Contingency](), list[renew.Adrift]()
+    rows, flown = list[RouteMetrics](), list[renew.Contingency]()
+    narrow, adrift = list[NarrowStretch](), list[renew.Adrift]()
     for rank, route in enumerate(routes, start=1):
         turns = evaluator.turns(route, in_members=rank == 1)
         flown.append(_sampled(turns))
         row = evaluator.metrics(route, turns, rank)
+        narrow += evaluator.narrow(route, rank)
         if not case.water.is_planar:
             adrift.append(evaluator.adrift(route))
             row = _adrift(row, adrift[-1], case.projection)
@@ -85,7 +89,7 @@ def measured(case: Case, result: CaseResult, options: PlannerOptions) -> Measure
     if result.ensemble is not None:
         rows = [_in_members(row, result.ensemble) for row in rows]
     crossings = shore_crossings(case.water, (route.path for route in routes))
-    return Measures(tuple(rows), tuple(flown), crossings, tuple(adrift))
+    return Measures(tuple(rows), tuple(flown), crossings, tuple(adrift), tuple(narrow))
 
 
 ADRIFT_S = 72 * 3600.0
@@ -184,6 +188,11 @@ class _RouteEvaluator:
             lateness=self._options.lateness,
             min_lateness=MIN_LATENESS_S,
         )
+
+    def narrow(self, route: renew.Route, rank: int) -> Iterator[NarrowStretch]:
+        """Yield the stretches of a route without room for a turn."""
+        asked = plan_options(self._options, min_lateness=MIN_LATENESS_S)
+        yield from narrow_stretches(self._case, route, rank, self._near_land, asked)
 
     def turns(self, route: renew.Route, *, in_members: bool) -> renew.Contingency:
         """Simulate the hard-over turns of a route against the original land within their reach.

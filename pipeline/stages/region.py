@@ -70,7 +70,8 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
             )
     lacking: dict[str, list[str]] = {}
     for season in scenario.seasons:
-        sources = map(current_source, season.currents)
+        about = season.members, season.current_variables
+        sources = [current_source(named, *about) for named in season.currents]
         reasons = [source.uncovered_reason(region, season) for source in sources]
         if all(reasons):
             lacking.setdefault("; ".join(reasons), []).append(repr(season.name))

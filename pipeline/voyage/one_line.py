@@ -72,6 +72,8 @@ def go(
     within: str = "",
     endurance: str = "",
     clearance_m: float | None = None,
+    padding: str | float | None = None,
+    shortfall: str = "least",
     snap_m: float = SNAP_M,
     charts: str | Path | Sequence[str | Path] = (),
     depths: Path | None = None,
@@ -145,7 +147,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     start, goal = joined(request.start, request.goal)
     via = tuple(continued(point, start.lon) for point in request.via)
     about = _given(members=request.members, current_variables=request.current_variables)
-    clearance_m, snap_m = request.clearance_m, request.snap_m
+    planner = {"snap": request.snap_m, "shortfall": request.shortfall}
+    widths = {"clearance": request.clearance_m, "padding": request.padding}
     data: dict[str, Any] = {
         "schema_version": 1,
         "name": request.name or voyage_name(start, goal),
@@ -160,7 +163,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
             for point in via
         ],
         "seasons": [season | about for season in _seasons(request, (start, goal))],
-        "planner": {"snap": snap_m} | ({} if clearance_m is None else {"clearance": clearance_m}),
+        "planner": planner | {key: width for key, width in widths.items() if width is not None},
         **_tables_of_files(request),
     }
     scenario = parse_scenario(data)

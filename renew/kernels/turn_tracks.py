@@ -9,8 +9,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from renew._compiled import kernel, reading_kernel
-from renew._types import BoolArray, FloatArray
+from renew._compiled import kernel, reading_kernel, small_kernel
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Segment, square_off
 from renew.kernels.current_table import CurrentTable, velocity
 
@@ -34,20 +34,15 @@ class TurnsBegun(NamedTuple):
 
 
 class WaterRaster(NamedTuple):
-    """Whether points of an even raster (ny, nx) are water; the first is at `west`, `south`, m."""
+    """How far points of an even raster (ny, nx) are from land; the first is at `west`, `south`, m.
 
-    is_water: BoolArray
+    `off_land` is in rows or columns, whichever are more; 0 on land.
+    """
+
+    off_land: IntArray
     west: float
     south: float
     spacing: float
-
-
-class _Change(NamedTuple):
-    """A change of the current's speed (m/s), and the cosine and sine of that of its direction."""
-
-    more: float
-    cos: float
-    sin: float
 
 
 @kernel
@@ -62,20 +57,23 @@ def flown_by_table(
     """Return tracks (n, 2 draws, steps + 1, 2): each draw turns to port, then to starboard."""
     (points, _, times, speeds), (speed_change, direction_change) = begun, changes
     count, draws = speed_change.shape
-    tracks = np.empty((count, 2 * draws, steps + 1, 2))
+    tracks, changed = np.empty((count, 2 * draws, steps + 1, 2)), np.empty((draws, 3))
     step = 2 * math.pi / turn_rate / steps
     for i in range(count):
+        _change(changed, speed_change[i], direction_change[i])
         for side in range(2):
             rate = turn_rate if side == 0 else -turn_rate
             through = _through_water(heading[i], rate, speeds[i], step, steps)
+            own = tracks[i, side::2]
             for draw in range(draws):
-                change = _changed(speed_change[i, draw], direction_change[i, draw])
-                x, y = points[i]
-                track = tracks[i, 2 * draw + side]
-                track[0, 0], track[0, 1] = x, y
-                for k in range(steps):
-                    x, y = _carried(table, x, y, times[i] + k * step, step, through[k], change)
-                    track[k + 1, 0], track[k + 1, 1] = x, y
+                own[draw, 0, 0], own[draw, 0, 1] = points[i]
+            # One turn after the other, each step would wait for the step before it.
+            for k in range(steps):
+                now = times[i] + k * step
+                for draw in range(draws):
+                    x, y = own[draw, k]
+                    after = _carried(table, x, y, now, step, through[k], changed[draw])
+                    own[draw, k + 1, 0], own[draw, k + 1, 1] = after
     return tracks
 
 
@@ -97,19 +95,19 @@ def turns_stay_on(
     (points, _, times, speeds), (speed_change, direction_change) = begun, changes
     count, draws = speed_change.shape
     step = 2 * math.pi / turn_rate / steps
-    is_free = np.ones(count, dtype=np.bool_)
+    is_free, changed = np.ones(count, dtype=np.bool_), np.empty((draws, 3))
     for i in range(count):
+        _change(changed, speed_change[i], direction_change[i])
         for side in range(2):
             rate = turn_rate if side == 0 else -turn_rate
             through = _through_water(heading[i], rate, speeds[i], step, steps)
             vessels = np.empty((draws, 2))
             vessels[:] = points[i]
             for k in range(steps):
+                now = times[i] + k * step
                 for draw in range(draws):
-                    change = _changed(speed_change[i, draw], direction_change[i, draw])
                     x, y = vessels[draw]
-                    now = times[i] + k * step
-                    after = _carried(table, x, y, now, step, through[k], change)
+                    after = _carried(table, x, y, now, step, through[k], changed[draw])
                     is_free[i] = is_free[i] and _line_is_water(water, (x, y), after)
                     vessels[draw, 0], vessels[draw, 1] = after
                 for draw in range(draws if draws > 1 else 0):
@@ -126,7 +124,7 @@ def turns_stay_on(
 @kernel
 def drop_shore(water: WaterRaster, start: FloatArray, end: FloatArray, margin: float) -> None:
     """Mark points closer than a margin (m) to segments (e, 2) as land."""
-    rows, columns = water.is_water.shape
+    rows, columns = water.off_land.shape
     for h in range(len(start)):
         (ax, ay), (bx, by) = start[h], end[h]
         west = math.floor((min(ax, bx) - margin - water.west) / water.spacing)
@@ -137,28 +135,33 @@ def drop_shore(water: WaterRaster, start: FloatArray, end: FloatArray, margin: f
             for column in range(max(west, 0), min(east + 1, columns)):
                 x, y = water.west + column * water.spacing, water.south + row * water.spacing
                 if square_off(x, y, Segment(ax, ay, bx, by)) < margin * margin:
-                    water.is_water[row, column] = False
+                    water.off_land[row, column] = 0
 
 
-@reading_kernel
+@small_kernel
 def _line_is_water(water: WaterRaster, a: tuple[float, float], b: tuple[float, float]) -> bool:
     """Whether a line from a to b is on water, at its end and at points a few cells apart."""
     dx, dy = b[0] - a[0], b[1] - a[1]
-    pieces = 1 + int(math.hypot(dx, dy) / (_CELLS * water.spacing))
-    for k in range(1, pieces + 1):
-        if not _is_water(water, a[0] + k / pieces * dx, a[1] + k / pieces * dy):
+    cells = math.hypot(dx, dy) / water.spacing
+    off_land = _off_land(water, b[0], b[1])
+    # The nearest points to two places may lie one row further apart than the places.
+    if off_land == 0 or off_land > cells + 1:
+        return off_land > 0
+    pieces = 1 + int(cells / _CELLS)
+    for k in range(1, pieces):
+        if _off_land(water, a[0] + k / pieces * dx, a[1] + k / pieces * dy) == 0:
             return False
     return True
 
 
-@reading_kernel
-def _is_water(water: WaterRaster, x: float, y: float) -> bool:
-    """Whether the nearest point of a raster is water, or a point lies beyond the raster."""
-    rows, columns = water.is_water.shape
+@small_kernel
+def _off_land(water: WaterRaster, x: float, y: float) -> int:
+    """Return how many cells the nearest point of a raster is off land; 1 beyond the raster."""
+    rows, columns = water.off_land.shape
     row = math.floor((y - water.south) / water.spacing + 0.5)
     column = math.floor((x - water.west) / water.spacing + 0.5)
     beyond = row < 0 or row >= rows or column < 0 or column >= columns
-    return bool(beyond or water.is_water[row, column])
+    return 1 if beyond else int(water.off_land[row, column])
 
 
 @kernel
@@ -173,13 +176,15 @@ def _through_water(
     return through
 
 
-@kernel
-def _changed(more: float, turned: float) -> _Change:
-    """Return a change of speed (m/s) and of direction (rad)."""
-    return _Change(more, math.cos(turned), math.sin(turned))
-
-
 @reading_kernel
+def _change(changes: FloatArray, more: FloatArray, turned: FloatArray) -> None:
+    """Set changes (draws, 3) of a current: of its speed (m/s), cosine and sine of its direction."""
+    for draw in range(len(changes)):
+        changes[draw, 0] = more[draw]
+        changes[draw, 1], changes[draw, 2] = math.cos(turned[draw]), math.sin(turned[draw])
+
+
+@small_kernel
 def _carried(
     table: CurrentTable,
     x: float,
@@ -187,7 +192,7 @@ def _carried(
     now: float,
     step: float,
     through: FloatArray,
-    change: _Change,
+    change: FloatArray,
 ) -> tuple[float, float]:
     """Return the place after a step (s) through water, in a changed current."""
     u, v = _changed_velocity(velocity(table, x, y, now), change)
@@ -196,13 +201,10 @@ def _carried(
     return x + step * (through[0] + u), y + step * (through[1] + v)
 
 
-@kernel
-def _changed_velocity(current: tuple[float, float], change: _Change) -> tuple[float, float]:
-    """Return a velocity (m/s) with its speed changed and its direction rotated."""
-    u, v = current
+@small_kernel
+def _changed_velocity(current: tuple[float, float], change: FloatArray) -> tuple[float, float]:
+    """Return a velocity (m/s) with its speed changed and its direction rotated; see `_change`."""
+    (u, v), (more, cos, sin) = current, change
     speed = math.sqrt(u * u + v * v)
-    factor = max(0.0, speed + change.more) / speed if speed > 0.0 else 0.0
-    return (
-        factor * (u * change.cos - v * change.sin),
-        factor * (u * change.sin + v * change.cos),
-    )
+    factor = max(0.0, speed + more) / speed if speed > 0.0 else 0.0
+    return factor * (u * cos - v * sin), factor * (u * sin + v * cos)

@@ -267,9 +267,11 @@ class ClassSearch:
         for cell in CELLS:
             if not has_fine_roadmap(problem, cell) or (cell < CELLS[0] and self.found):
                 return
-            graph = fine_roadmap(problem, cell)
+            graph, are_free = fine_roadmap(problem, cell), None
             for margin in MARGINS if cell == CELLS[0] else MARGINS[-1:]:
-                self._keep_ways(FreeWays(problem, graph, margin), count)
+                ways = FreeWays(problem, graph, margin, are_free)
+                self._keep_ways(ways, count)
+                are_free = ways.are_free
 
     def _keep_ways(self, ways: FreeWays, count: int) -> None:
         """Plan along up to `count` ways of free turns, and keep the best path of each class."""

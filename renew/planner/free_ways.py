@@ -57,11 +57,14 @@ def fine_roadmap(problem: Problem, cell: float) -> Roadmap:
 class FreeWays:
     """A fine roadmap of a problem's water, from which legs without free turns are dropped.
 
-    Turns are free by a margin (v/ω). Of each leg (m,), it knows the node at its begin, and the leg
-    that leads back.
+    Turns are free by a margin (v/ω); they are known to be so on the legs `are_free` (2, m), such as
+    those of a wider margin. Of each leg (m,), it knows the node at its begin, and the leg that
+    leads back.
     """
 
-    def __init__(self, problem: Problem, graph: Roadmap, margin: float) -> None:
+    def __init__(
+        self, problem: Problem, graph: Roadmap, margin: float, are_free: BoolArray | None = None
+    ) -> None:
         self._problem, self._graph = problem, graph
         self._enumerator = problem.enumerator(problem.options.min_width)
         nodes = len(graph.points)
@@ -71,7 +74,8 @@ class FreeWays:
         self._back = order[np.searchsorted(number, back, sorter=order)]
         legs = graph.points[self._tail], graph.points[graph.head]
         test = TurnTest(problem, graph.mesh, margin)
-        self._legs = LazyLegs(test, legs, graph.time.copy(), closely=False)
+        self._legs = LazyLegs(test, legs, graph.time.copy(), are_free, closely=False)
+        self.are_free = self._legs.are_free
 
     def paths(self, count: int, most: float) -> list[FloatArray]:
         """Return up to `count` paths (n, 2) over free legs, each for a fuel below `most`.

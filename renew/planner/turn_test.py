@@ -35,6 +35,8 @@ class TurnTest:
     """Tests legs in a problem's steady current, with a `margin` (v/ω) around land."""
 
     def __init__(self, problem: Problem, mesh: Mesh, margin: float) -> None:
+        from scipy.ndimage import distance_transform_cdt
+
         self._voyage = problem.voyage
         self._field = TabulatedCurrent(problem.voyage.table)
         radius, options = problem.voyage.vessel.turning_radius, problem.options
@@ -43,11 +45,15 @@ class TurnTest:
         x, y = np.arange(xmin, xmax, spacing), np.arange(ymin, ymax, spacing)
         wanted = np.ones((len(y), len(x)), dtype=bool)
         is_water = grid_triangles(x, y, mesh._replace(clearance=0.0), wanted) >= 0
-        self._water = WaterRaster(is_water, float(x[0]), float(y[0]), spacing)
+        water = WaterRaster(is_water.astype(np.int64), float(x[0]), float(y[0]), spacing)
         edges = problem.triangulation.constrained_edges
         start, end = for_kernels(edges[:, 0]), for_kernels(edges[:, 1])
-        drop_shore(self._water, start, end, margin * radius)
-        self._sailed = self._water._replace(is_water=is_water.copy())
+        drop_shore(water, start, end, margin * radius)
+        off_land = distance_transform_cdt(water.off_land, metric="chessboard").astype(np.int64)
+        # Without any land, all are -1.
+        off_land[off_land < 0] = max(off_land.shape)
+        self._water = water._replace(off_land=off_land)
+        self._sailed = water
         if options.narrow_share == 1.0:
             drop_shore(self._sailed, start, end, options.clearance)
         # A path along the end of the chart has no room to round its corners.
@@ -56,7 +62,7 @@ class TurnTest:
         rim = int(min(inside, _RIM * radius) / spacing)
         is_rim = wanted
         is_rim[rim : len(y) - rim, rim : len(x) - rim] = False
-        self._sailed.is_water[is_rim] = False
+        self._sailed.off_land[is_rim] = 0
 
     def times(self, begin: FloatArray, end: FloatArray) -> FloatArray:
         """Return the time (...) along legs (..., 2), s; inf where they leave the water."""
@@ -101,11 +107,12 @@ class TurnTest:
 
     def _is_sailed(self, points: FloatArray) -> BoolArray:
         """Whether points (..., 2) lie on water of the chart, as far off land as is asked."""
-        is_water, west, south, spacing = self._sailed
+        off_land, west, south, spacing = self._sailed
         column, row = np.moveaxis(np.rint((points - [west, south]) / spacing).astype(int), -1, 0)
-        rows, columns = is_water.shape
+        rows, columns = off_land.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        return np.asarray(inside & is_water[row.clip(0, rows - 1), column.clip(0, columns - 1)])
+        is_open = off_land[row.clip(0, rows - 1), column.clip(0, columns - 1)] > 0
+        return np.asarray(inside & is_open)
 
 
 class LazyLegs:
@@ -113,7 +120,8 @@ class LazyLegs:
 
     `time` (m,) in s becomes inf where turns are not free. Turns are first flown in the field, on
     legs that may be part of a path up to `ahead[0]` times as long as the best that is left; then in
-    its deviations, up to `ahead[1]` (lazy shortest paths; Dellin and Srinivasa, 2016).
+    its deviations, up to `ahead[1]` (lazy shortest paths; Dellin and Srinivasa, 2016). Both are
+    known to be free on the legs `are_free` (2, m), which grow.
     """
 
     def __init__(
@@ -121,10 +129,12 @@ class LazyLegs:
         test: TurnTest,
         legs: tuple[FloatArray, FloatArray],
         time: FloatArray,
+        are_free: BoolArray | None = None,
         *,
         closely: bool,
     ) -> None:
         self.time = time
+        self.are_free = np.zeros((2, len(time)), dtype=bool) if are_free is None else are_free
         self._test, self._closely = test, closely
         self._begin, self._end = legs
         self._is_flown = np.zeros((2, len(time)), dtype=bool)
@@ -146,13 +156,15 @@ class LazyLegs:
         `whole` (m,) is the time, s, of the best path with each leg, and `best` the least of these.
         No leg is flown for a path that takes longer than the `latest`.
         """
-        levels = zip(ahead, (AROUND[:, :1], AROUND[:, 1:]), self._is_flown, strict=True)
-        for ratio, deviations, is_flown in levels:
-            legs = np.flatnonzero(~is_flown & (whole <= min(ratio * best, latest)))
-            if len(legs):
-                is_flown[legs] = True
+        deviations = AROUND[:, :1], AROUND[:, 1:]
+        levels = zip(ahead, deviations, self._is_flown, self.are_free, strict=True)
+        for ratio, level, is_flown, are_free in levels:
+            chosen = ~is_flown & (whole <= min(ratio * best, latest))
+            if chosen.any():
+                is_flown[chosen] = True
+                legs = np.flatnonzero(chosen & ~are_free)
                 begin, end = self._begin[legs], self._end[legs]
-                is_free = self._test.are_free(begin, end, deviations, closely=self._closely)
-                self.time[legs[~is_free]] = np.inf
+                are_free[legs] = self._test.are_free(begin, end, level, closely=self._closely)
+                self.time[chosen & ~are_free] = np.inf
                 return True
         return False

@@ -280,15 +280,20 @@ def _quantile(row: IntArray, normals: FloatArray, turns: TurnStarts, exceeding: 
     largest = np.empty(exceeding + 1)
     for p in range(len(row)):
         reach_along(normals[p], _turns_in(turns, row[p]), reach)
-        # The largest so far, in ascending order.
+        # The largest so far, in a heap: none is below its parent, the one half as far along.
         largest[:] = -1.0
         for one in reach:
-            if one > largest[0]:
-                place = 0
-                while place < exceeding and largest[place + 1] < one:
-                    largest[place] = largest[place + 1]
-                    place += 1
-                largest[place] = one
+            if not one > largest[0]:
+                continue
+            place, child = 0, 1
+            while child <= exceeding:
+                if child < exceeding and largest[child + 1] < largest[child]:
+                    child += 1
+                if one <= largest[child]:
+                    break
+                largest[place] = largest[child]
+                place, child = child, 2 * child + 1
+            largest[place] = one
         found[p] = largest[0]
     return found
 

@@ -71,7 +71,9 @@ from pipeline.geo.projection import METRES_PER_DEGREE
 _CASE_LAYERS = {
     **dict.fromkeys(("passage", "routes", "legs"), True),
     **dict.fromkeys(("path_points", "contingency", "adrift"), False),
-    **dict.fromkeys(("shore_crossings", "havens", "coverage", "diversions"), True),
+    **dict.fromkeys(
+        ("narrow_stretches", "shore_crossings", "havens", "coverage", "diversions"), True
+    ),
     "channels": False,
     "soft_no_go": True,
     "currents": True,

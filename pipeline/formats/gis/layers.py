@@ -480,6 +480,21 @@ def _adrift(result: RunResult) -> GeoDataFrame:
     return frame(lines, {**route_key(of), "ashore_within_h": within})
 
 
+def _narrow_stretches(result: RunResult) -> GeoDataFrame:
+    """Return the stretches of the routes without room for a hard-over turn."""
+    found = [(case.name, one) for case in result.cases for one in case.measures.narrow]
+    stretches = [one for _, one in found]
+    names = ("begin_m", "length_m", "width_m", "needed_m", "kept_m")
+    return frame(
+        to_lonlat(result, [shapely.LineString(one.line) for one in stretches], ROUTE_STEP_M),
+        {
+            "season": [name for name, _ in found],
+            "rank": [one.rank for one in stretches],
+            **columns_of(stretches, *names, turn_side="side"),
+        },
+    )
+
+
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
     crossings = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
@@ -566,6 +581,7 @@ FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "currents": _currents,
     "contingency": _contingency,
     "adrift": _adrift,
+    "narrow_stretches": _narrow_stretches,
     "shore_crossings": _shore_crossings,
     "havens": _havens,
     "diversions": _diversions,

@@ -178,6 +178,7 @@ def _phase() -> float:
     ("about", "text"),
     [
         ({"verticalDatum": np.int32(44)}, "its datum is 44, none of a chart; give S-104 over one"),
+        ({"issueDate": "2026"}, "it has two steps of 2026-11-22"),
         ({"hours": 1}, "not of several hours on a grid; give S-104 of format 2"),
     ],
 )
@@ -185,6 +186,9 @@ def test_levels_that_can_t_be_used_are_refused(
     tmp_path: Path, about: dict[str, object], text: str
 ) -> None:
     count = int(str(about.pop("hours", HOURS.size)))
-    path = write_s104(tmp_path / "it.h5", (LON, LAT), HOURS[:count], levels()[:count], **about)
+    path, copy = (
+        write_s104(tmp_path / name, (LON, LAT), HOURS[:count], levels()[:count], **about)
+        for name in ("it.h5", "copy.h5")
+    )
     with pytest.raises(RequestError, match=re.escape(text)):
-        read_levels([path])
+        read_levels([path, copy] if "issueDate" in about else [path])

@@ -209,6 +209,7 @@ def test_what_was_made_is_a_scenario_that_gives_the_same_routes(
     assert told in gpx.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_a_region_grows_until_the_best_route_keeps_off_its_edge(
     still: Outcome, chart: Path, outputs: Path
