@@ -27,7 +27,7 @@ ROOMS = {
     "pipeline/scenario": (2_579, 36),
     "pipeline/serve": (1_484, 9),
     "pipeline/sources": (10_197, 45),
-    "pipeline/stages": (5_179, 15),
+    "pipeline/stages": (5_182, 15),
     "pipeline/voyage": (2_405, 9),
     "renew/bounds": (1_603, 8),
     "renew/classes": (2_418, 14),

@@ -225,11 +225,14 @@ def _remedy(source: LandSource, lon: float, lat: float) -> str:
 
 def are_water_swapped(scenario: Scenario, places: Iterable[Point]) -> bool:
     """Whether positions with longitude and latitude exchanged are water on the world's chart."""
-    source = charted_land(scenario)
+
+    def is_land(lon: float, lat: float) -> bool:
+        near = osm.polygons_near("Osm", box_around(shapely.Point(lon, lat), _LOOK_M))[0][0]
+        return bool(shapely.intersects_xy(near, lon, lat).any())
+
     swapped = [(lat, (lon + 180) % 360 - 180) for lon, lat in places]
     return has_world_land(scenario.chart) and not any(
-        abs(lat) > 90 or shapely.intersects_xy(_land_near(source, lon, lat), lon, lat).any()
-        for lon, lat in swapped
+        abs(lat) > 90 or is_land(lon, lat) for lon, lat in swapped
     )
 
 
