@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -138,6 +139,8 @@ def test_a_series_goes_to_other_processes_and_later_clocks(tmp_path: Path) -> No
     copy = pickle.loads(pickle.dumps(tide))  # noqa: S301 - our own
     assert isinstance(copy, renew.Tide)
     np.testing.assert_array_equal(copy.heights(times), tide.heights(times))
+    later = replace(tide, epoch=np.datetime64("2026-11-22T03:00"))
+    np.testing.assert_allclose(later.heights(times), tide.heights(times + 3 * 3600), atol=1e-9)
 
 
 def test_a_gauge_that_is_too_high_for_water_beside_it_is_told(tmp_path: Path) -> None:
