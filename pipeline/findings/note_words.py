@@ -389,6 +389,11 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{text.share(not_settled)} is not settled"
     ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
+    "adrift": lambda least_s, place, soon, ashore: (
+        f"if the thrust is lost on the best route, the current alone carries the vessel ashore in "
+        f"{text.duration(least_s)} from {place.text}; within 6 h from {text.percent(soon)} of the "
+        f"way, within 72 h from {text.percent(ashore)}"
+    ),
     "area-shut": _area_shut,
     "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: "
     "vessels under 20 m need not keep lanes, unless planner.lanes = true, and others do where "

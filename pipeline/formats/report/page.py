@@ -65,8 +65,8 @@ def render(report: dict[str, Any]) -> str:
     result = report["result"]
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
-    loaded.filters.update({kind: partial(_quantity, kind) for kind in ("distance", "clearance")})
-    loaded.filters.update(note_texts=note_texts)
+    quantities = {kind: partial(_quantity, kind) for kind in ("distance", "clearance")}
+    loaded.filters.update(quantities, note_texts=note_texts)
     return loaded.get_template("report.html.jinja").render(
         report=report,
         result=result,
