@@ -266,7 +266,9 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
     with pytest.raises(RequestError, match="the gap at") as refused:
         voyage(file, outputs, "still", name="harbour", clearance_m=150.0)
     assert not isinstance(refused.value, NoWayError)
-    assert not (outputs / "harbour").exists()
+    # Its scenario is there, to be changed.
+    (file,) = (outputs / "harbour").iterdir()
+    assert load_scenario(str(file)).planner.clearance == 150
 
 
 def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
