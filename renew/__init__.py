@@ -29,6 +29,7 @@ from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, Shortfall, TradeOff
 from renew.turns.contingency import Contingency, Tightest, contingency, tightest
+from renew.underway.adrift import Adrift, adrift
 from renew.underway.assess import AssessedPath, assess
 from renew.underway.cover import cover
 from renew.underway.replan import Replanned, TurnOff, replan
@@ -41,6 +42,7 @@ __version__ = "0.1.0"
 """Also in pyproject.toml, CITATION.cff and the tag; tests/test_architecture.py compares them."""
 
 __all__ = [
+    "Adrift",
     "ArrivalError",
     "AssessedPath",
     "Chart",
@@ -87,6 +89,7 @@ __all__ = [
     "VaryingCurrent",
     "Vessel",
     "ViaInNoGoError",
+    "adrift",
     "assess",
     "contingency",
     "cover",

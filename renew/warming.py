@@ -29,6 +29,7 @@ from renew.planner.free_ways import CELLS, MARGINS, FreeWays, fine_roadmap
 from renew.planner.plan import planner_of
 from renew.request import Request
 from renew.turns.contingency import contingency, tightest
+from renew.underway.adrift import adrift
 from renew.vary.plan import plan
 from renew.voyage.fuel import fuel
 
@@ -99,6 +100,7 @@ def rehearse() -> Iterator[str]:
             _ = (route.channel, route.soft_no_go)
             if not options:
                 _sail_freely(chart, current)
+                adrift(route, chart, current)
             # The bound takes longest, and its kernels depend on these two options only.
             if not options or options.keys() & {"drift", "speed"}:
                 _ = route.optimality_gap

@@ -15,35 +15,35 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_465, 28),
-    "pipeline": (1_120, 12),
-    "pipeline/cli": (2_612, 6),
-    "pipeline/findings": (3_557, 17),
-    "pipeline/formats": (7_825, 15),
+    "renew": (1_470, 28),
+    "pipeline": (1_124, 13),
+    "pipeline/cli": (2_622, 6),
+    "pipeline/findings": (3_624, 17),
+    "pipeline/formats": (7_885, 15),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
-    "pipeline/model": (1_405, 34),
+    "pipeline/model": (1_450, 35),
     "pipeline/nightly": (3_620, 28),
-    "pipeline/scenario": (2_574, 36),
+    "pipeline/scenario": (2_579, 36),
     "pipeline/serve": (1_484, 9),
-    "pipeline/sources": (10_179, 45),
-    "pipeline/stages": (4_992, 15),
-    "pipeline/voyage": (2_367, 9),
+    "pipeline/sources": (10_197, 45),
+    "pipeline/stages": (5_188, 15),
+    "pipeline/voyage": (2_424, 9),
     "renew/bounds": (1_603, 8),
     "renew/classes": (2_418, 14),
     "renew/inputs": (2_151, 23),
-    "renew/kernels": (2_109, 17),
+    "renew/kernels": (2_251, 18),
     "renew/paths": (1_843, 9),
-    "renew/planner": (3_363, 10),
+    "renew/planner": (3_419, 11),
     "renew/steering": (896, 1),
-    "renew/turns": (1_640, 13),
-    "renew/underway": (2_096, 12),
+    "renew/turns": (1_642, 13),
+    "renew/underway": (2_315, 13),
     "renew/vary": (1_825, 9),
     "renew/voyage": (769, 5),
 }
-MOST_FILES = 221
+MOST_FILES = 224
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 532)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 534)}
 
 
 def modules(room: str) -> dict[Path, str]:

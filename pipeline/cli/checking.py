@@ -1,6 +1,7 @@
 """What `renew check-route` prints: the answer in sentences and a table of times, or JSON."""
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
 from typing import Any
@@ -13,6 +14,7 @@ from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts, note_value
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.text import json_value
+from pipeline.model import Place
 from pipeline.voyage.check import CheckedRoute
 from pipeline.voyage.route_file import GivenRoute
 
@@ -80,6 +82,12 @@ def _lines(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> 
         )
     else:
         yield f"All {row.trials:,} hard-over turns are clear of {no_go}"
+    if math.isfinite(row.adrift_s):
+        place = Place(row.adrift_lon, row.adrift_lat)
+        yield (
+            f"WITHOUT THRUST ashore in {text.duration(row.adrift_s)} from {place.text}; within 6 h "
+            f"from {text.percent(row.adrift_share)} of the way"
+        )
     yield from _compared(one)
     if len(one.passed_s) <= _MOST_POINTS and departure is not None:
         yield from table([*_times(one, route, departure)], 1, terminal_width())

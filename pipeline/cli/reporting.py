@@ -236,9 +236,11 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
                 rows.append(_row(ranked, 1.0 if unit == "m" else 1000.0))
     result = outcome.result
     crossed = [note for note in result.unknowns if note.kind == "second-shoreline"]
-    unknown = [note for note in result.unknowns if note not in crossed]
+    apart = {*crossed, *result.narrow_notes}
+    unknown = [note for note in result.unknowns if note not in apart]
     lines = list(_passages(outcome))
     lines += [f"OVER LAND of another chart: {line}\n" for line in note_texts(crossed)]
+    lines += [f"NARROW: {line}\n" for line in note_texts(result.narrow_notes)]
     lines += table(rows, _LEFT_ALIGNED, width)
     lines += ["", *_unused_currents(outcome), *_unknown_currents(outcome)]
     for title, notes in (

@@ -192,6 +192,33 @@ def _strait_shut(place: Place, beside: Sequence[str], width_m: float, needed_m: 
     return f"the one at {place.text}{land}, which is {width} wide where {needed} are needed"
 
 
+def _narrow_stretch(
+    rank: int,
+    begin: Place,
+    end: Place,
+    length_m: float,
+    side: str,
+    no_go: str,
+    width_m: float,
+    place: Place,
+    needed_m: float,
+    kept_m: float,
+) -> str:
+    """Say where a route has no room for a hard-over turn, and what would fit."""
+    wide = f"Near {place.text}"
+    if math.isfinite(width_m):
+        wide = f"The water at {place.text} is {text.distance(width_m)} wide, and"
+    fits = "hardly any turning circle fits"
+    if kept_m > 0:
+        fits = f"the largest turning circle that fits is {text.distance(kept_m)}"
+    return (
+        f"no room to turn hard over on route {rank} for {text.distance(length_m)}, from "
+        f"{begin.text} to {end.text}: a turn to {side} would meet {no_go}. "
+        f"{wide} a turn takes {text.distance(needed_m)} to a side; at this speed "
+        f"{fits}: slow down, or take a tug"
+    )
+
+
 def _current_lacking(share: float, distance_m: float) -> str:
     return (
         f"the current has no data for {f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the "
@@ -362,6 +389,11 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{text.share(not_settled)} is not settled"
     ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
+    "adrift": lambda least_s, place, soon, ashore: (
+        f"if the thrust is lost on the best route, the current alone carries the vessel ashore in "
+        f"{text.duration(least_s)} from {place.text}; within 6 h from {text.percent(soon)} of the "
+        f"way, within 72 h from {text.percent(ashore)}"
+    ),
     "area-shut": _area_shut,
     "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: "
     "vessels under 20 m need not keep lanes, unless planner.lanes = true, and others do where "
@@ -385,6 +417,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "depth-uncharted": lambda first, shares: f"no depth is charted for {_shares(first, shares)}",
     "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",
     "least-water": _least_water,
+    "narrow-stretch": _narrow_stretch,
     "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
     "route {rank} met {no_go}, the first one from {place}; it was planned with padding = "
     '{padding!r}, and only "adaptive" and "triangle" are verified',

@@ -93,6 +93,8 @@ def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
     )
 
 
+# Distance, planar metres, within which a point of a route lies on a stretch of it.
+_ON_LINE = 1e-3
 MAX_STRAITS = 10
 """Largest number of straits that a report lists, those that save most first."""
 
@@ -226,6 +228,10 @@ class RunCase:
     def proven_gap(self, row: model.RouteMetrics) -> float | None:
         """Return a route's optimality gap; None where the current is not known."""
         return None if self.lacks_current else row.optimality_gap
+
+    def narrow(self, rank: int) -> tuple[model.NarrowStretch, ...]:
+        """Return the stretches of a route without room for a hard-over turn."""
+        return tuple(one for one in self.measures.narrow if one.rank == rank)
 
     def crossings(self, rank: int) -> FloatArray:
         """Return middles (n, 2), lon/lat, of a route's parts over the second shoreline's land."""
@@ -396,6 +402,11 @@ class RunResult:
         return (*addressed(of_cases(used), self.scenario), *decided)
 
     @property
+    def narrow_notes(self) -> tuple[model.Note, ...]:
+        """Notes on the stretches of the best routes without room for a hard-over turn."""
+        return tuple(note for note in self.fetched.notes if note.kind == "narrow-stretch")
+
+    @property
     def credits(self) -> tuple[model.Credit, ...]:
         """All sources that were used, each source of currents once, land first."""
         currents = dict.fromkeys(grid.credit for grid in self.fetched.currents)
@@ -476,19 +487,41 @@ def route_caveats(ranked: RankedRoute) -> tuple[Note, ...]:
     return (*unsafe_notes(ranked), *route_unknowns(ranked), *decided)
 
 
+def narrow_notes(ranked: RankedRoute) -> Iterator[Note]:
+    """Yield a note on each stretch of a route without room for a hard-over turn."""
+    metrics, case, place = ranked.metrics, ranked.case, ranked.case.run.water.place
+    for one in case.narrow(ranked.rank):
+        yield Note.of(
+            "narrow-stretch",
+            rank=one.rank,
+            begin=place(one.line[0]),
+            end=place(one.line[-1]),
+            length_m=one.length_m,
+            side=one.side,
+            no_go=metrics.no_go_name,
+            width_m=one.width_m,
+            place=place(one.place),
+            needed_m=one.needed_m,
+            kept_m=one.kept_m,
+        )
+
+
 def unsafe_notes(ranked: RankedRoute) -> Iterator[Note]:
-    """Yield a note if a hard-over turn along a route meets no-go, with the first place."""
-    metrics, case = ranked.metrics, ranked.case
-    if metrics.collisions:
-        turns = case.measures.turns[metrics.rank - 1]
-        first = np.asarray(turns.points)[np.asarray(turns.collided)][0]
+    """Yield a note on each stretch without room for a turn, and if a turn meets no-go elsewhere."""
+    yield from narrow_notes(ranked)
+    metrics, case, narrow = ranked.metrics, ranked.case, ranked.case.narrow(ranked.rank)
+    turns = case.measures.turns[metrics.rank - 1]
+    met = np.asarray(turns.points)[np.asarray(turns.collided)]
+    stretches = shapely.union_all([shapely.LineString(one.line) for one in narrow])
+    met = met[~shapely.dwithin(shapely.points(met), stretches, _ON_LINE)]
+    if len(met):
         yield Note.of(
             "not-safe-everywhere",
             collisions=metrics.collisions,
             turns=metrics.trials,
             no_go=metrics.no_go_name,
             rank=metrics.rank,
-            place=case.run.water.place(first),
+            place=case.run.water.place(met[0]),
             padding=case.scenario.planner.padding,
         )
 
@@ -502,7 +535,8 @@ def route_unknowns(ranked: RankedRoute) -> tuple[Note, ...]:
     said = (
         note
         for note in case.run.fetched.notes
-        if note.kind in NOT_KNOWN and (not note.cases or case.name in note.cases)
+        if note.kind in NOT_KNOWN - {"narrow-stretch"}
+        and (not note.cases or case.name in note.cases)
     )
     of_case = (*_of_currents([case]), *crossing_notes(crossings, case.scenario.chart))
     return (

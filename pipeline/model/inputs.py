@@ -166,7 +166,9 @@ DECIDED = frozenset(
 They stand directly below the answer, and in every output that has a place for them.
 """
 
-NOT_KNOWN = frozenset({"against-lane", "canal-left-out", "strait-unresolved", "streams-weak"})
+NOT_KNOWN = frozenset(
+    {"against-lane", "canal-left-out", "narrow-stretch", "strait-unresolved", "streams-weak"}
+)
 """Kinds of notes with which stages report what is not known."""
 
 Say = Callable[[Note], None]

@@ -67,6 +67,10 @@ class RouteMetrics:
     land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
     filled_share : share of its length in cells where the current's source has no figure.
     uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
+    adrift_s, adrift_lon, adrift_lat : least time until it drifts ashore if the thrust is lost, s,
+        and from where, degrees; infinite where that takes more than 72 h.
+    adrift_share, ashore_share : share of its length from which that takes less than 6 h, and less
+        than 72 h; NaN in a plane, where it is not looked at.
     least_water_m, least_water_at : least water under the keel that can be relied on with the tide,
         m, and when it passes there; NaN and None without a tide.
     least_water_early_m, least_water_late_m : least water of a vessel that is early or late, m.
@@ -94,6 +98,11 @@ class RouteMetrics:
     land_lat: float = math.nan
     filled_share: float = 0.0
     uncharted_share: float = math.nan
+    adrift_s: float = math.nan
+    adrift_lon: float = math.nan
+    adrift_lat: float = math.nan
+    adrift_share: float = math.nan
+    ashore_share: float = math.nan
     least_water_m: float = math.nan
     least_water_at: datetime | None = None
     least_water_early_m: float = math.nan
@@ -208,6 +217,34 @@ class ShoreCrossing:
     lat: float
     length_m: float
     inland_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NarrowStretch:
+    """A stretch of a route without room for a hard-over turn at its speed.
+
+    Attributes
+    ----------
+    rank : the route's.
+    line : (n, 2) planar metres, from its begin to its end.
+    place : (2,) planar metres, its tightest place.
+    begin_m, length_m : where it begins along the route, and how long it is, true metres.
+    width_m : the width of the water at that place, true metres; inf where it is wide, beside
+        an islet.
+    needed_m : the room to a side that a turn needs, in still water the turning circle.
+    kept_m : the largest turning circle that fits, in steps of 5 %; 0 if hardly any does.
+    side : the side to which a turn meets land.
+    """
+
+    rank: int
+    line: FloatArray
+    place: FloatArray
+    begin_m: float
+    length_m: float
+    width_m: float
+    needed_m: float
+    kept_m: float
+    side: Literal["port", "starboard", "either side"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -398,12 +435,16 @@ class Measures:
     """The figures of a case's routes, by rank, and their hard-over turns.
 
     All turns are counted; of the places where no turn touches land, about a thousand per route are
-    stored. `gap_shares` are there if they were asked for, `clock_worth` if the current changes.
+    stored. `adrift` is how long each route is from land without thrust; empty in a plane.
+    stored. `narrow` are the stretches without room for a turn, by rank and along each route.
+    `gap_shares` are there if they were asked for, `clock_worth` if the current changes.
     """
 
     routes: tuple[RouteMetrics, ...] = ()
     turns: tuple[renew.Contingency, ...] = ()
     shore_crossings: tuple[ShoreCrossing, ...] = ()
+    adrift: tuple[renew.Adrift, ...] = ()
+    narrow: tuple[NarrowStretch, ...] = ()
     gap_shares: GapShares | None = None
     clock_worth: ClockWorth | None = None
 

@@ -279,6 +279,11 @@ class PlannerOptions(StrictModel):
     """Optimality gap of the best route at which the lower bound on fuel is tight enough: until then
     its grid is refined. With 0 it is as tight as about half a second of work makes it. Give a
     share from 0 to below 1, such as 0.02."""
+    shortfall: Literal["refuse", "least"] = "refuse"
+    """What to do where no way keeps the padding, as in a harbour: refuse the voyage, or keep as
+    much of adaptive padding as there is room for, and list each stretch without room for a
+    hard-over turn.
+    Renew go gives 'least'. Give 'refuse' or 'least'."""
 
 
 class OutputOptions(StrictModel):

@@ -127,9 +127,20 @@ def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:
         if (tile := next(same, None)) is None:
             tiles.append(tile := {})
         tile[path] = dataset
+    zones = list[LevelZone]()
+    for tile in tiles if not faults else ():
+        try:
+            zones += _zones(tile)
+        except ValueError as error:
+            faults.append(f"{_name(tile)}: {error}")
     if faults:
         raise RequestError([f"tide: {fault}" for fault in faults])
-    return tuple(zone for tile in tiles for zone in _zones(tile))
+    return tuple(zones)
+
+
+def _name(tile: "dict[Path, xr.Dataset]") -> str:
+    """Name the files of a tile in a message."""
+    return shown(next(iter(tile)).name) + (f" and {len(tile) - 1} more" if len(tile) > 1 else "")
 
 
 def _grid(dataset: "xr.Dataset") -> list[bytes]:
@@ -163,10 +174,9 @@ def _zones(tile: "dict[Path, xr.Dataset]") -> Iterator[LevelZone]:
         [reference_time(dataset) for dataset in datasets],
     )
     instants = np.array([moment.timestamp() for moment in steps.moments])
-    name = shown(next(iter(tile)).name) + (f" and {len(tile) - 1} more" if len(tile) > 1 else "")
     if (gaps := np.diff(instants)).max() > _HOLE * np.median(gaps):
-        raise RequestError(
-            f"tide: {name}: no levels for {gaps.max() / 3600:g} hours from "
+        raise ValueError(
+            f"no levels for {gaps.max() / 3600:g} hours from "
             f"{steps.labels[int(gaps.argmax())]} on; give the forecast of these hours too, or "
             "leave out what comes before or after them"
         )
@@ -181,7 +191,7 @@ def _zones(tile: "dict[Path, xr.Dataset]") -> Iterator[LevelZone]:
     for members in _alike(series):
         cells = shapely.union_all(shapely.polygons(corners[members]))
         yield LevelZone(
-            source=name,
+            source=_name(tile),
             datum=DATUMS[first],
             area=shapely.multipolygons(shapely.get_parts(cells)),
             series=(instants, series[members].min(axis=0)),

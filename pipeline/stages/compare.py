@@ -1,6 +1,7 @@
 """Sixth stage: compare the routes of all cases, and name the way that each takes."""
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -118,6 +119,7 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
     """Return the notes on the routes and on unknowns."""
     return (
         *safety_notes(result),
+        *adrift_notes(result),
         *shut_notes(planned),
         *(
             Note.of("lane-kept", lane=lane).about(case.name)
@@ -139,6 +141,21 @@ def safety_notes(result: RunResult) -> Iterator[Note]:
     for case in result.cases:
         for best in case.routes[:1]:
             yield from (note.about(case.name) for note in unsafe_notes(best))
+
+
+def adrift_notes(result: RunResult) -> Iterator[Note]:
+    """Yield a note for each case whose best route has places from which a vessel drifts ashore."""
+    for case in result.cases:
+        for best in case.routes[:1]:
+            row = best.metrics
+            if math.isfinite(row.adrift_s):
+                yield Note.of(
+                    "adrift",
+                    least_s=row.adrift_s,
+                    place=Place(row.adrift_lon, row.adrift_lat),
+                    soon=row.adrift_share,
+                    ashore=row.ashore_share,
+                ).about(case.name)
 
 
 def left_out_canals(result: RunResult) -> Iterator[Note]:

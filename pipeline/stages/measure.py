@@ -9,7 +9,7 @@ Fuel is measured by the causes of its gap to the bound, and by what the clock is
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import timedelta
 
@@ -19,7 +19,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.findings.text import distance
-from pipeline.geo.projection import densified, share_without
+from pipeline.geo.projection import Projection, densified, share_without
 from pipeline.model import (
     Case,
     CaseResult,
@@ -28,6 +28,7 @@ from pipeline.model import (
     EnsembleFigures,
     GapShares,
     Measures,
+    NarrowStretch,
     Place,
     RouteMetrics,
     ShoreCrossing,
@@ -38,6 +39,7 @@ from pipeline.model import (
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
+from pipeline.stages.narrow import narrow_stretches
 from renew.inputs.options import MAX_STATIONS, Drift
 from renew.turns.turn_reach import TurnReach
 from renew.vary.ensemble import STATISTICS
@@ -74,14 +76,42 @@ def measured(case: Case, result: CaseResult, options: PlannerOptions) -> Measure
         return Measures()
     evaluator = _RouteEvaluator(case, routes, options)
     rows, flown = list[RouteMetrics](), list[renew.Contingency]()
+    narrow, adrift = list[NarrowStretch](), list[renew.Adrift]()
     for rank, route in enumerate(routes, start=1):
         turns = evaluator.turns(route, in_members=rank == 1)
         flown.append(_sampled(turns))
-        rows.append(evaluator.metrics(route, turns, rank))
+        row = evaluator.metrics(route, turns, rank)
+        narrow += evaluator.narrow(route, rank)
+        if not case.water.is_planar:
+            adrift.append(evaluator.adrift(route))
+            row = _adrift(row, adrift[-1], case.projection)
+        rows.append(row)
     if result.ensemble is not None:
         rows = [_in_members(row, result.ensemble) for row in rows]
     crossings = shore_crossings(case.water, (route.path for route in routes))
-    return Measures(tuple(rows), tuple(flown), crossings)
+    return Measures(tuple(rows), tuple(flown), crossings, tuple(adrift), tuple(narrow))
+
+
+ADRIFT_S = 72 * 3600.0
+"""For how long a vessel without thrust is followed, s."""
+SOON_ASHORE_S = 6 * 3600.0
+"""Time until land, s, below which a place is counted as one from which help comes too late."""
+
+
+def _adrift(row: RouteMetrics, found: renew.Adrift, projection: Projection) -> RouteMetrics:
+    """Return a route's metrics with those of a vessel without thrust."""
+    scale, (lon, lat) = projection.scale, (math.nan, math.nan)
+    least = float(found.seconds[found.least]) * scale
+    if math.isfinite(least):
+        lon, lat = projection.to_lonlat(found.points[found.least]).tolist()
+    return replace(
+        row,
+        adrift_s=least,
+        adrift_lon=lon,
+        adrift_lat=lat,
+        adrift_share=found.share_below(SOON_ASHORE_S / scale),
+        ashore_share=found.share_below(math.inf),
+    )
 
 
 def _in_members(row: RouteMetrics, found: EnsembleFigures) -> RouteMetrics:
@@ -146,6 +176,23 @@ class _RouteEvaluator:
             least_water_early_m=least.early + kept_m,
             least_water_late_m=least.late + kept_m,
         )
+
+    def adrift(self, route: renew.Route) -> renew.Adrift:
+        """Follow a vessel that loses its thrust on a route, until it meets the original land."""
+        return renew.adrift(
+            route,
+            self._case.chart,
+            self._case.current,
+            land=self._land.tolist(),
+            horizon=ADRIFT_S / self._projection.scale,
+            lateness=self._options.lateness,
+            min_lateness=MIN_LATENESS_S,
+        )
+
+    def narrow(self, route: renew.Route, rank: int) -> Iterator[NarrowStretch]:
+        """Yield the stretches of a route without room for a turn."""
+        asked = plan_options(self._options, min_lateness=MIN_LATENESS_S)
+        yield from narrow_stretches(self._case, route, rank, self._near_land, asked)
 
     def turns(self, route: renew.Route, *, in_members: bool) -> renew.Contingency:
         """Simulate the hard-over turns of a route against the original land within their reach.

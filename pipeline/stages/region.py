@@ -70,7 +70,8 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
             )
     lacking: dict[str, list[str]] = {}
     for season in scenario.seasons:
-        sources = map(current_source, season.currents)
+        about = season.members, season.current_variables
+        sources = [current_source(named, *about) for named in season.currents]
         reasons = [source.uncovered_reason(region, season) for source in sources]
         if all(reasons):
             lacking.setdefault("; ".join(reasons), []).append(repr(season.name))
@@ -224,11 +225,14 @@ def _remedy(source: LandSource, lon: float, lat: float) -> str:
 
 def are_water_swapped(scenario: Scenario, places: Iterable[Point]) -> bool:
     """Whether positions with longitude and latitude exchanged are water on the world's chart."""
-    source = charted_land(scenario)
+
+    def is_land(lon: float, lat: float) -> bool:
+        near = osm.polygons_near("Osm", box_around(shapely.Point(lon, lat), _LOOK_M))[0][0]
+        return bool(shapely.intersects_xy(near, lon, lat).any())
+
     swapped = [(lat, (lon + 180) % 360 - 180) for lon, lat in places]
     return has_world_land(scenario.chart) and not any(
-        abs(lat) > 90 or shapely.intersects_xy(_land_near(source, lon, lat), lon, lat).any()
-        for lon, lat in swapped
+        abs(lat) > 90 or is_land(lon, lat) for lon, lat in swapped
     )
 
 

@@ -90,6 +90,20 @@ def read_clearance_m(given: str | float) -> float:
     return metres
 
 
+def read_padding_m(given: str | float) -> str | float:
+    """Read a padding: 'adaptive', 'triangle' or 'none', or true metres."""
+    if given in ("adaptive", "triangle", "none"):
+        return given
+    return read_clearance_m(given)
+
+
+def read_shortfall(given: str) -> str:
+    """Read what to do where no way keeps the padding."""
+    if given not in ("refuse", "least"):
+        raise ValueError(f"{given!r} is not understood; give 'refuse' or 'least'")
+    return given
+
+
 def _read(text: str, units: dict[str, float], remedy: str) -> float:
     """Read a number with its unit; return it in m or m/s."""
     matched = _QUANTITY.fullmatch(text)

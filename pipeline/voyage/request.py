@@ -23,6 +23,8 @@ from pipeline.voyage.readers import (
     read_members,
     read_months,
     read_name,
+    read_padding_m,
+    read_shortfall,
     read_station,
     read_variables,
     read_vessel,
@@ -243,6 +245,25 @@ class VoyageRequest:
             help="Least distance from no-go areas, true metres; chosen if left out.",
         ),
     ] = None
+    padding: Annotated[
+        str | float | None,
+        _limits(
+            read=read_padding_m,
+            example="adaptive",
+            help="Room for hard-over turns around land: 'adaptive', as turns in the current need; "
+            "'triangle', as published; 'none'; or the same true metres everywhere.",
+        ),
+    ] = None
+    shortfall: Annotated[
+        str,
+        _limits(
+            read=read_shortfall,
+            label="Where no way keeps the padding",
+            example="least",
+            help="What to do where no way keeps adaptive {padding}: 'least' keeps as much as there "
+            "is room for, and lists each stretch without room for a hard-over turn; 'refuse'.",
+        ),
+    ] = "least"
     snap_m: Annotated[
         float,
         _limits(

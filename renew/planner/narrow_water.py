@@ -54,17 +54,28 @@ _PIECE = 0.5
 _HALVINGS = 12
 
 
-def with_room(
+def with_room(corridor: Corridor, triangulation: Triangulation, least: float) -> Corridor:
+    """Return a corridor whose padding leaves a way through its channel, in pieces.
+
+    Padding of up to `least` m never yields.
+    """
+    voyage, padded = corridor.voyage, list[PaddedEdges]()
+    for part, _ in corridor.parts(corridor.channel.rough_path(voyage.start, voyage.goal)):
+        pieces = _with_room(part.padded, part.channel, part.voyage, triangulation, least)
+        first = sum(len(one.edge) for one in padded)
+        # The pieces of each part are edges of their own.
+        padded.append(replace(pieces, edge=first + np.arange(len(pieces.edge))))
+    return replace(corridor.with_padding(padded), is_fitted=True)
+
+
+def _with_room(
     padded: PaddedEdges,
     channel: Channel,
     voyage: Voyage,
     triangulation: Triangulation,
     least: float,
 ) -> PaddedEdges:
-    """Return padding that leaves a way through a channel without via points, in pieces.
-
-    Padding of up to `least` m never yields.
-    """
+    """Return padding that leaves a way through a channel without via points."""
     slack = SLACK * voyage.vessel.turning_radius
     middles = _middles(padded, channel, voyage, triangulation)
     if not len(middles):
@@ -85,7 +96,7 @@ def with_room(
     # Paths keep off padding by the slack. Where there is less room, padding is below 0 by a part of
     # it, which counts as none.
     room = np.maximum(apart - 3 * slack, apart / 2 - slack)
-    most = np.maximum(np.minimum(_SHARE * apart, room), least)
+    most = np.minimum(pieces.most, np.maximum(np.minimum(_SHARE * apart, room), least))
     padding = np.minimum(pieces.padding, most)
     return replace(pieces, padding=padding, turns=np.minimum(pieces.turns, padding), most=most)
 
@@ -208,24 +219,44 @@ def _steered_in_pieces(
     return np.concatenate(paths), np.concatenate(tracks), tuple(steered)
 
 
-def shortfalls(
-    path: FloatArray, tight: Sequence[Tight], problem: Problem, speeds: FloatArray
-) -> tuple[Shortfall, ...]:
-    """Return the stretches of a path (n, 2) without room for a hard-over turn.
+class Room(NamedTuple):
+    """Stations `along` a path (n,), m, at `points` (n, 2), and the `share` of a turn free at each.
 
-    Legs are sailed at speeds (n - 1,) m/s. A turn at a lower speed than the vessel's needs less.
+    A full turn needs `needed` (n,) metres.
+    """
+
+    along: FloatArray
+    points: FloatArray
+    share: FloatArray
+    needed: FloatArray
+
+
+def room_to_turn(path: FloatArray, problem: Problem, speeds: FloatArray) -> Room:
+    """Return the room for hard-over turns along a path (n, 2) sailed at speeds (n - 1,), m/s.
+
+    A turn at a lower speed than the vessel's needs less.
     """
     voyage, edges = problem.voyage, problem.triangulation.constrained_edges
     along, share = free_shares(path, voyage.in_members, edges, problem.reach, speeds)
-    for one in tight:
-        inside = (along >= one.begin) & (along <= one.end)
-        share[inside] = np.minimum(share[inside], _in_steps(1 / one.factor))
     places = shapely.line_interpolate_point(shapely.LineString(path), along)
     points = shapely.get_coordinates(places)
     slower = speeds_along(points, path, speeds) / voyage.vessel.speed
-    needed = problem.reach(points) * slower
+    return Room(along, points, share, problem.reach(points) * slower)
+
+
+def shortfalls(
+    path: FloatArray, tight: Sequence[Tight], problem: Problem, speeds: FloatArray
+) -> tuple[Shortfall, ...]:
+    """Return the stretches of a path (n, 2) without room for a hard-over turn, or tight ones.
+
+    Legs are sailed at speeds (n - 1,) m/s.
+    """
+    along, _, share, needed = room_to_turn(path, problem, speeds)
+    for one in tight:
+        inside = (along >= one.begin) & (along <= one.end)
+        share[inside] = np.minimum(share[inside], _in_steps(1 / one.factor))
     found, short = list[Shortfall](), np.flatnonzero(share < 1)
-    apart = along[short[1:]] - along[short[:-1]] > NEEDED * voyage.vessel.turning_radius
+    apart = along[short[1:]] - along[short[:-1]] > NEEDED * problem.voyage.vessel.turning_radius
     for run in np.split(short, 1 + np.flatnonzero(apart)) if len(short) else ():
         begin, end = along[max(run[0] - 1, 0)], along[min(run[-1] + 1, len(along) - 1)]
         most = float(needed[run].max())

@@ -1,7 +1,6 @@
 """Plan the best route of one homotopy class: padding, path, trajectory, and simulated turns."""
 
 import contextlib
-import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -144,10 +143,19 @@ class ClassPlanner:
 
     def find_in(self, corridor: Corridor, near: FloatArray | None = None) -> ClassPath:
         """Return the best path of a corridor, near an earlier path (n, 2) if given."""
+
+        def again(wider: Corridor, found: ClassPath) -> ClassPath:
+            try:
+                return self._found(wider, found.path)
+            except InfeasibleError:
+                if not self.problem.falls_short:
+                    raise
+            return self._found(self._with_room(wider), found.path)
+
         return grown_until_clear(
             self._found(corridor, near),
             lambda found: self.growth.shortfall(found.corridor, found.path),
-            lambda wider, found: self._found(wider, found.path),
+            again,
             _MAX_ROUNDS,
         )
 
@@ -225,15 +233,18 @@ class ClassPlanner:
 
         def padded(own: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
             edges = self._beside(own, voyage, path)
-            wide = with_clearance(
+            return with_clearance(
                 edges, options.clearance, options.narrow_share, own, voyage, triangulation
             )
-            if not self.problem.falls_short:
-                return wide
-            least = options.clearance if options.narrow_share == 1.0 else -math.inf
-            return with_room(wide, own, voyage, triangulation, least)
 
-        return self._corridor(channel, padded)
+        corridor = self._corridor(channel, padded)
+        return self._with_room(corridor) if self.problem.falls_short else corridor
+
+    def _with_room(self, corridor: Corridor) -> Corridor:
+        """Return the corridor with padding that leaves a way through it; a clearance stays."""
+        options = self.options
+        least = options.clearance if options.narrow_share == 1.0 else -math.inf
+        return with_room(corridor, self.problem.triangulation, least)
 
     def _corridor(
         self, channel: Channel, padded_edges: Callable[[Channel, Voyage, FloatArray], PaddedEdges]
@@ -255,14 +266,6 @@ class ClassPlanner:
             open_outline=triangulation.open_outline(region),
             padded=padded[0],
         )
-        if self.problem.falls_short:
-            # The pieces of each part are edges of their own.
-            ends = np.cumsum([0, *(len(one.edge) for one in padded)])
-            padded = [
-                replace(one, edge=np.arange(begin, end))
-                for one, (begin, end) in zip(padded, itertools.pairwise(ends), strict=True)
-            ]
-            corridor = replace(corridor, is_fitted=True)
         return corridor.with_padding(padded)
 
     def _beside(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:

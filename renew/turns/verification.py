@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField, CurrentStatistics, TabulatedCurrent
@@ -167,7 +168,8 @@ def free_shares(
     which no turn touches any of the edges (e, 2, 2): 1 where all turns are free. See
     :func:`colliding_edges` for the other arguments.
     """
-    bare = PaddedEdges.of(edges[:, 0], edges[:, 1], np.zeros(len(edges)), np.arange(len(edges)))
+    ends = for_kernels(edges[:, 0]), for_kernels(edges[:, 1])
+    bare = PaddedEdges.of(*ends, np.zeros(len(edges)), np.arange(len(edges)))
     vessel, left = voyages[0].vessel, None
     spacing = _CLOSELY * vessel.turning_radius
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

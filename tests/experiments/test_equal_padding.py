@@ -22,6 +22,7 @@ def planned(voyage: Voyage, classes: int = 16) -> renew.Plan:
     )
 
 
+@pytest.mark.slow
 def test_rivals_need_keep_no_further_off_than_our_best_route() -> None:
     voyage = islands_voyage()
     plan = planned(voyage)

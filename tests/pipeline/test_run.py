@@ -130,6 +130,7 @@ def test_a_fault_after_the_plan_is_said_and_loses_no_plan(
     assert (folder / "metrics.csv").is_file()
 
 
+@pytest.mark.slow
 def test_a_fault_beyond_the_chosen_region_loses_no_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

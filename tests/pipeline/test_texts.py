@@ -34,6 +34,7 @@ def forbidden(text: str) -> set[str]:
     }
 
 
+@pytest.mark.slow
 def test_each_character_of_unicode_is_kept_or_taken_out_by_its_category() -> None:
     for code in range(0x110000):
         left = clean(f"a{chr(code)}b")

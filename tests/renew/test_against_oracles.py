@@ -191,6 +191,7 @@ class ReversedCurrent(renew.CurrentField):
         return -self.current(points)
 
 
+@pytest.mark.slow
 @settings(max_examples=4)
 @given(seeds, st.floats(0.1, 0.8))
 def test_the_way_back_against_the_reversed_current_takes_the_same_fuel(

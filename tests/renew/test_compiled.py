@@ -195,6 +195,7 @@ def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path
     assert not list((package / "__pycache__").glob("kernels-*"))
 
 
+@pytest.mark.slow
 def test_code_for_a_processor_asked_for_is_read_where_it_is_asked_for_again(
     package: Path,
 ) -> None:

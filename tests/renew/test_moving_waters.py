@@ -141,7 +141,6 @@ def test_turns_early_on_time_and_late_are_clear(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_steady_current_in_two_equal_slices_is_the_same_current(seed: int) -> None:
     scene = random_scene(seed)
@@ -153,6 +152,7 @@ def test_a_steady_current_in_two_equal_slices_is_the_same_current(seed: int) -> 
     assert again.best.optimality_gap == pytest.approx(steady.best.optimality_gap, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_a_field_and_a_clock_that_are_shifted_together_give_the_same_route() -> None:
     day = 86_400.0
     field = Drifting(5, 0.6, 230.0)

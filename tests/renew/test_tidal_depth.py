@@ -240,7 +240,7 @@ def test_fuel_is_near_that_of_an_oracle_whose_legs_the_tide_shuts(seed: int) -> 
     assert best.fuel <= 1.005 * fuel or scene.is_in_time_for_water(path)
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_a_higher_tide_is_never_dearer(seed: int) -> None:
     scene = tidal_scene(seed)

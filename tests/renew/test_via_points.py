@@ -135,6 +135,7 @@ def test_turns_are_safe_early_on_time_and_late_all_the_way() -> None:
     assert turns.trials > 3000
 
 
+@pytest.mark.slow
 def test_departures_and_arrivals_are_found_through_points_as_well() -> None:
     scene, via = moving_scene(4), [(0.9 * SIZE, 0.1 * SIZE)]
     asked: dict[str, Any] = {"padding": "none", "classes": 2, "via": via}

@@ -79,6 +79,8 @@ OPTIONS = f"""{COUNTING}
     renew.fuel(np.asfortranarray(path), gyre, PAPER_VESSEL)
     found["read-only path"] = len(recorder.buffer) - before
     found["point risk"] = number(chart, grid, *ends, risk_at="point", risk=0.001, drift="crab")
+    wall = renew.Chart(box(0, 0, 60, 60), [box(30, 0, 34, 28.5), box(30, 31.5, 34, 60)])
+    found["narrow water"] = number(wall, gyre, (10, 30), (50, 30), shortfall="least")
     found["chains"] = number(chart, gyre, *ends, method="sampled", samples=40, padding="none")
 {COUNTED}"""
 CLOCK = f"""{COUNTING}

@@ -70,8 +70,10 @@ from pipeline.geo.projection import METRES_PER_DEGREE
 # Layers of a case's group -> whether the leading case shows them at first.
 _CASE_LAYERS = {
     **dict.fromkeys(("passage", "routes", "legs"), True),
-    **dict.fromkeys(("path_points", "contingency"), False),
-    **dict.fromkeys(("shore_crossings", "havens", "coverage", "diversions"), True),
+    **dict.fromkeys(("path_points", "contingency", "adrift"), False),
+    **dict.fromkeys(
+        ("narrow_stretches", "shore_crossings", "havens", "coverage", "diversions"), True
+    ),
     "channels": False,
     "soft_no_go": True,
     "currents": True,

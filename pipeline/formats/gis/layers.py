@@ -457,6 +457,44 @@ def _contingency(result: RunResult) -> GeoDataFrame:
     return frame(lonlat, {**route_key(ranked), "collided": collided})
 
 
+# Hours within which a vessel adrift is ashore, by which routes are cut.
+_ASHORE_WITHIN_H = np.array([1, 6, 24, 72])
+
+
+def _adrift(result: RunResult) -> GeoDataFrame:
+    """Return parts of the routes from which a vessel without thrust is carried ashore."""
+    parts, of, within = list[shapely.LineString](), list[RankedRoute](), list[int]()
+    scale = result.water.projection.scale
+    for ranked in result.routes:
+        for found in ranked.case.measures.adrift[ranked.rank - 1 :][:1]:
+            # A part between two stations counts as the worse of them.
+            least_h = np.minimum(found.seconds[:-1], found.seconds[1:]) * scale / 3600
+            band = np.searchsorted(_ASHORE_WITHIN_H, least_h)
+            begin = np.flatnonzero(np.diff(band, prepend=-1))
+            for first, last in zip(begin, [*begin[1:], len(band)], strict=True):
+                if band[first] < len(_ASHORE_WITHIN_H):
+                    parts.append(shapely.LineString(found.points[first : last + 1]))
+                    of.append(ranked)
+                    within.append(int(_ASHORE_WITHIN_H[band[first]]))
+    lines = to_lonlat(result, parts, ROUTE_STEP_M)
+    return frame(lines, {**route_key(of), "ashore_within_h": within})
+
+
+def _narrow_stretches(result: RunResult) -> GeoDataFrame:
+    """Return the stretches of the routes without room for a hard-over turn."""
+    found = [(case.name, one) for case in result.cases for one in case.measures.narrow]
+    stretches = [one for _, one in found]
+    names = ("begin_m", "length_m", "width_m", "needed_m", "kept_m")
+    return frame(
+        to_lonlat(result, [shapely.LineString(one.line) for one in stretches], ROUTE_STEP_M),
+        {
+            "season": [name for name, _ in found],
+            "rank": [one.rank for one in stretches],
+            **columns_of(stretches, *names, turn_side="side"),
+        },
+    )
+
+
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
     crossings = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
@@ -542,6 +580,8 @@ FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "soft_no_go": _soft_no_go,
     "currents": _currents,
     "contingency": _contingency,
+    "adrift": _adrift,
+    "narrow_stretches": _narrow_stretches,
     "shore_crossings": _shore_crossings,
     "havens": _havens,
     "diversions": _diversions,

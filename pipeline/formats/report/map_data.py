@@ -352,6 +352,7 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
         "clearance": series(profile.clearance_m),
         "turns": lattice.line(turns),
         "hits": lattice.line(hits),
+        "narrow": [lattice.line(one.line) for one in ranked.case.narrow(ranked.rank)],
         "shores": lattice.line(projection.to_plane(ranked.case.crossings(ranked.rank))),
     }
 

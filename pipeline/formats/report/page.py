@@ -65,8 +65,8 @@ def render(report: dict[str, Any]) -> str:
     result = report["result"]
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
-    loaded.filters.update({kind: partial(_quantity, kind) for kind in ("distance", "clearance")})
-    loaded.filters.update(note_texts=note_texts)
+    quantities = {kind: partial(_quantity, kind) for kind in ("distance", "clearance")}
+    loaded.filters.update(quantities, note_texts=note_texts)
     return loaded.get_template("report.html.jinja").render(
         report=report,
         result=result,
@@ -104,16 +104,24 @@ def gather(result: RunResult) -> dict[str, Any]:
     limits = speed_limits(result)
     has_current = any(len(arrows(case)[0]) for case in result.cases)
     # Decisions and unknown facts have parts of their own.
-    shown = {*result.decisions, *result.unknowns}
+    shown = {*result.decisions, *result.unknowns, *result.narrow_notes}
     crossed = [
         (case.title, f": {_crossed(case)}")
         for case in result.cases
         if case.measures.shore_crossings
     ]
+    narrow = [("", f"{text.capitalised(line)}.") for line in note_texts(result.narrow_notes)]
     xmin, ymin, xmax, ymax = result.water.chart.bounds
     return {
         "result": result,
-        "notices": [("Land of another shoreline on the route", crossed)] if crossed else [],
+        "notices": [
+            (title, items)
+            for title, items in (
+                ("Land of another shoreline on the route", crossed),
+                ("No room to turn hard over", narrow),
+            )
+            if items
+        ],
         "doubts": [(title, items) for title, items in _doubts(result) if items],
         "notes": note_texts(note for note in result.fetched.notes if note not in shown),
         "lacking": [
@@ -123,6 +131,7 @@ def gather(result: RunResult) -> dict[str, Any]:
             and (one.metrics.filled_share > 0 or one.metrics.uncharted_share > 0)
         ],
         "has_crossings": bool(crossed),
+        "is_narrow": any(case.measures.narrow for case in result.cases),
         "seasons": [case_section(case) for case in result.cases],
         "speed_labels": speed_labels(limits) if has_current else (),
         # JSON without characters that could end its element.

@@ -534,20 +534,18 @@ def _find_pair(
         if lacking := [name for name in asked if name not in by_name]:
             raise ValueError(f"it has no variable {', '.join(lacking)}, but {', '.join(listed)}")
         named = (by_name[asked[0]], by_name[asked[1]])
-        if other := next(filter(_is_other, itertools.chain(*(said[of] for of in named))), ""):
-            raise ValueError(
-                f"{asked[0]} and {asked[1]} are no current: the file calls one {other!r}; name "
-                "others, or correct that"
-            )
+        _refuse_other(named, said)
         return named, tuple(_notes(named, said, (), is_asked=True))
     pairs = list(_pairs({of for of, texts in said.items() if not any(map(_is_other, texts))}))
     if not pairs:
+        for named in _pairs(set(said)):
+            _refuse_other(named, said)
         raise ValueError(
             f"it has no pair of current components among {', '.join(listed) or 'no variables'}; "
             f"needed are the standard names {' and '.join(_STANDARD_NAMES[0])}, or variables "
-            f"called {', '.join(map('/'.join, _VARIABLE_NAMES[:_MAX_GROUPS]))} and the like, which "
-            "nothing calls wind, ice or waves: give a file of currents, correct its names, or name "
-            "the two (--current-variables U,V, or current_variables in a season)"
+            f"called {', '.join(map('/'.join, _VARIABLE_NAMES[:_MAX_GROUPS]))} and the like: give "
+            "a file of currents, correct its names, or name the two (--current-variables U,V, or "
+            "current_variables in a season)"
         )
     text = {of: " ".join((of[1], *texts)).lower() for of, texts in said.items()}
     pair = max(pairs, key=lambda candidate: bool(re.search(_SUM, text[candidate[0]])))
@@ -568,6 +566,16 @@ def _pairs(variables: set[_Variable]) -> Iterator[_Pair]:
                 f"several variables are {names[0]} or its partner ({listed}); keep one pair of them"
             )
         yield from known
+
+
+def _refuse_other(pair: _Pair, said: Mapping[_Variable, Sequence[str]]) -> None:
+    """Raise ValueError for a pair that the file calls something else than a current."""
+    if other := next(filter(_is_other, itertools.chain(*(said[of] for of in pair))), ""):
+        (_, u), (_, v) = pair
+        raise ValueError(
+            f"{u} and {v} are no current: the file calls one {other!r}; give a file of currents, "
+            "name others (--current-variables U,V), or correct that"
+        )
 
 
 def _is_other(said: str) -> bool:

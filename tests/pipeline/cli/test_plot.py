@@ -78,6 +78,7 @@ def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -
         assert imread(file).shape[1] >= 1000
 
 
+@pytest.mark.slow
 def test_the_same_figure_is_the_same_file_in_its_format(output: Path) -> None:
     contents = {}
     for form in get_args(Form):
@@ -106,6 +107,7 @@ def test_a_scenario_without_a_run_is_planned_and_only_figures_are_written(tmp_pa
     assert tree(tmp_path / "new" / ".artefacts" / "plan") == plans
 
 
+@pytest.mark.slow
 def test_a_failed_season_leaves_the_others_figures(tmp_path: Path) -> None:
     seasons = [
         {"name": "calm", "uniform": {"u": 0.1, "v": 0.0}},

@@ -132,6 +132,7 @@ def test_a_login_that_the_service_accepts(tmp_path: Path) -> None:
     assert found.state in {"ok", "warning"}  # in its 8 s, which a busy machine may exceed
 
 
+@pytest.mark.slow
 def test_a_service_out_of_order_is_no_wrong_password(tmp_path: Path) -> None:
     store = world.store(DATASET)
     store.faults.append(Fault(TOKEN, 401))
@@ -150,6 +151,7 @@ def test_a_wrong_password_is_named_and_not_shown(tmp_path: Path) -> None:
     assert "not-the-pass-phrase" not in why + remedy
 
 
+@pytest.mark.slow
 def test_a_login_that_hangs_ends_at_its_deadline(tmp_path: Path) -> None:
     store = world.store(DATASET)
     store.faults.append(Fault(TOKEN, "stall"))

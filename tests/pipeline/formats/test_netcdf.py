@@ -89,7 +89,7 @@ def test_a_reader_finds_the_planners_current(
     np.testing.assert_allclose(found, planners(result, season, points), rtol=0, atol=1e-5)
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("west", "south", "east", "north", "cell_deg", "tolerance"),
     [

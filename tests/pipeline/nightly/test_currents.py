@@ -224,6 +224,7 @@ def test_a_corrected_file_and_a_changed_request_are_planned_again(
     assert _run(file, cluster).message.startswith("nothing to do")
 
 
+@pytest.mark.slow
 def test_a_revision_that_was_finished_and_not_named_is_named(tmp_path: Path, cluster: str) -> None:
     file = plane_night(tmp_path, pairs=1)
     first = _run(file, cluster)

@@ -38,6 +38,7 @@ def hasty(tmp_path_factory: pytest.TempPathFactory, rehearsed: None) -> Iterator
         assert "Traceback" not in server.process.communicate(timeout=30)[1]
 
 
+@pytest.mark.slow
 def test_half_sent_requests_keep_nobody_out(server: Server) -> None:
     """More than the server takes, none with a token: a program with one is answered at once."""
     with contextlib.ExitStack() as held:
@@ -60,6 +61,7 @@ def test_a_request_whose_head_does_not_come_is_closed(hasty: Server) -> None:
         assert HEAD_S / 2 < time.monotonic() - begun < HEAD_S + 10
 
 
+@pytest.mark.slow
 def test_a_slow_file_of_one_with_the_token_is_taken(hasty: Server) -> None:
     """Its head came in time, and its body may take longer than that."""
     lines = (

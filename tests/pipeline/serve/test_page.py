@@ -207,6 +207,7 @@ def test_axe_finds_nothing_serious(
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.slow
 def test_files_of_currents_are_dropped_on_the_page(open_page: Open) -> None:
     page = open_page()
     for target, name in (("#drop", "one.nc"), ("#map", "two.nc")):

@@ -282,6 +282,7 @@ def test_workers_end_with_a_server_that_is_killed(tmp_path: Path) -> None:
         assert all(ends_within(one, 10) for one in left)
 
 
+@pytest.mark.slow
 def test_a_port_that_is_taken_is_told(server: Server) -> None:
     command = renew("serve", "--port", str(server.port))
     done = ended(*command)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -138,6 +139,8 @@ def test_a_series_goes_to_other_processes_and_later_clocks(tmp_path: Path) -> No
     copy = pickle.loads(pickle.dumps(tide))  # noqa: S301 - our own
     assert isinstance(copy, renew.Tide)
     np.testing.assert_array_equal(copy.heights(times), tide.heights(times))
+    later = replace(tide, epoch=np.datetime64("2026-11-22T03:00"))
+    np.testing.assert_allclose(later.heights(times), tide.heights(times + 3 * 3600), atol=1e-9)
 
 
 def test_a_gauge_that_is_too_high_for_water_beside_it_is_told(tmp_path: Path) -> None:
@@ -178,6 +181,7 @@ def _phase() -> float:
     ("about", "text"),
     [
         ({"verticalDatum": np.int32(44)}, "its datum is 44, none of a chart; give S-104 over one"),
+        ({"issueDate": "2026"}, "it has two steps of 2026-11-22"),
         ({"hours": 1}, "not of several hours on a grid; give S-104 of format 2"),
     ],
 )
@@ -185,6 +189,9 @@ def test_levels_that_can_t_be_used_are_refused(
     tmp_path: Path, about: dict[str, object], text: str
 ) -> None:
     count = int(str(about.pop("hours", HOURS.size)))
-    path = write_s104(tmp_path / "it.h5", (LON, LAT), HOURS[:count], levels()[:count], **about)
+    path, copy = (
+        write_s104(tmp_path / name, (LON, LAT), HOURS[:count], levels()[:count], **about)
+        for name in ("it.h5", "copy.h5")
+    )
     with pytest.raises(RequestError, match=re.escape(text)):
-        read_levels([path])
+        read_levels([path, copy] if "issueDate" in about else [path])

@@ -180,6 +180,7 @@ def test_what_a_message_about_an_area_proposes_works(tmp_path: Path) -> None:
     assert shapely.area(zones[0].area) > 0
 
 
+@pytest.mark.slow
 def test_an_area_of_very_many_vertices_is_covered_by_one_of_few(tmp_path: Path) -> None:
     write_tide(tmp_path / "tide.nc")
     turn = np.linspace(0, 2 * np.pi, 200_001)[:-1]

@@ -220,6 +220,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
     assert "a departure at 2026-11-22 06:20 UTC arrives at 2026-11-22" in message
 
 
+@pytest.mark.slow
 def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
     """The choice agrees with single plans at their own speeds, and keeps its arrival."""
     by = DEPARTURE + timedelta(hours=8)

@@ -206,6 +206,7 @@ def result() -> RunResult:
     return chosen_speeds.planned()
 
 
+@pytest.mark.slow
 def test_every_route_is_in_time_at_true_scale_and_the_best_one_just_so(result: RunResult) -> None:
     routes = result.case("chosen").measures.routes
     assert len(routes) > 1

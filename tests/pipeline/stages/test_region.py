@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+import xarray as xr
 from shapely import Polygon, box
 
 from pipeline.errors import RequestError
@@ -25,6 +26,7 @@ from pipeline.stages.region import (
     opened,
     require_covered,
     sides_near,
+    uncovered_seasons,
 )
 from pipeline.stages.water_grid import DirectLine
 from tests.pipeline.synthetic_currents import dataset, sea, write
@@ -139,6 +141,21 @@ def test_without_any_current_the_error_says_why_and_what_would_do(tmp_path: Path
 def test_a_season_without_currents_does_not_stop_the_others(tmp_path: Path) -> None:
     bounds, _ = covered(tmp_path, season("2024-05", GLORYS), season("2024-07", EMBEDDED))
     assert bounds == pytest.approx((114.75, 6.75, 123.25, 14.25))
+
+
+@pytest.mark.parametrize(
+    "about",
+    [{"current_variables": ["speed_x", "speed_y"]}, {"members": {"along": "realization"}}],
+)
+def test_currents_are_looked_at_as_a_season_says(tmp_path: Path, about: dict[str, Any]) -> None:
+    field = sea(np.arange(131.0, 135.1, 0.25), np.arange(16.0, 19.1, 0.25))
+    data = dataset(field, names=("speed_x", "speed_y"), standard=("", ""))
+    if "members" in about:
+        data = xr.concat([dataset(field)] * 3, "realization")
+    path = write(tmp_path / "own.nc", data)
+    asked = scenario((132.5, 17.0), (133.5, 18.0)).model_dump(exclude_defaults=True)
+    asked["seasons"] = [{"name": "it", "valid": "2024-07", "currents": [[str(path)]], **about}]
+    assert not list(uncovered_seasons(Scenario.model_validate(asked)))
 
 
 def test_stops_at_the_pole_need_a_region_of_their_own() -> None:

@@ -311,6 +311,7 @@ def waited(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     return voyage(folder, {"at": ANCHORAGE, "wait": "9h"})
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_without_a_wait_every_way_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match=r"every way may meet .* m of tide"):
@@ -396,6 +397,7 @@ def is_shut_for(case: Case, departure: float) -> Any:  # noqa: ANN401 - as the o
     return is_shut
 
 
+@pytest.mark.slow
 def test_an_oracle_that_waits_at_that_node_does_not_arrive_earlier(waited: Outcome) -> None:
     season, first = "day-onward", waited.result.planned["day"]
     anchorage, goal = waited.result.stops[1:]

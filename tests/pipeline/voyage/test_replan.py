@@ -152,6 +152,7 @@ def test_the_route_begins_on_the_vessels_heading(voyage: Path) -> None:
     assert math.degrees(math.atan2(east, north)) % 360 == pytest.approx(270.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_plan_made_under_way_is_planned_again(voyage: Path) -> None:
     newer = (str(voyage.parent.parent / "newer.nc"),)
     first = run(under_way(voyage, currents=newer, name="once"), voyage.parent, offline=True)

@@ -117,6 +117,7 @@ def test_a_gap_that_is_asked_for_is_reached_and_hardly_undercut() -> None:
     assert loose.best.fuel == standard.fuel
 
 
+@pytest.mark.slow
 def test_a_gap_below_the_standard_one_takes_a_finer_grid() -> None:
     standard, tight = planned(0.0).best, planned(1e-4).best
     assert 0 < tight.optimality_gap < standard.optimality_gap

@@ -180,6 +180,7 @@ def test_the_shortest_way_round_a_corner() -> None:
         assert 0.98 * shortest <= lower_bound(chart, STILL, PAPER_VESSEL, *endpoints) <= shortest
 
 
+@pytest.mark.slow
 def test_it_speaks_of_the_land_alone_where_the_no_go_zone_is_more() -> None:
     islands = [box(30, 20, 70, 60)]
     grown = [island.buffer(12, join_style="mitre") for island in islands]
@@ -229,7 +230,7 @@ def test_it_is_within_three_percent_on_the_single_gyre(drift: Drift, best: float
     assert bound < 84.2 if drift == "projected" else bound < 85.84
 
 
-@examples(6, 30)
+@examples(4, 30)
 @given(seeds, st.sampled_from(DRIFTS), st.floats(0.1, 1.3))
 def test_no_path_needs_less(seed: int, drift: Drift, peak: float) -> None:
     chart, current, start, goal = random_scene(seed, peak).parts
@@ -246,6 +247,7 @@ def test_no_path_needs_less(seed: int, drift: Drift, peak: float) -> None:
     assert all(bound <= fuel for fuel in fuels)
 
 
+@pytest.mark.slow
 @examples(2, 6)
 @given(seeds, st.sampled_from(DRIFTS))
 def test_the_way_back_in_the_reversed_current_has_the_same_bound(seed: int, drift: Drift) -> None:

@@ -143,12 +143,22 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
     return voyage, np.stack([scene.start, middle, scene.goal])
 
 
-@pytest.mark.gate_share(1)
-@pytest.mark.parametrize(("seed", "exponent"), [(1, 2.0), (4, 3.0), (5, 2.0)])
+LEAST = {(1, 2.0): 391.8602, (4, 3.0): 427.9928, (5, 2.0): 304.6388}
+"""The least fuel that SciPy's SLSQP finds, by seed and exponent."""
+
+
+@pytest.mark.parametrize(("seed", "exponent"), LEAST)
 def test_no_speeds_of_an_optimizer_need_less_by_the_clock(seed: int, exponent: float) -> None:
     voyage, path = voyage_and_path(seed, exponent, 200.0)
     found = speeds_by_clock(path, voyage)
     assert 200 * (1 - 2e-6) <= found.arrival - voyage.departure <= 200
+    assert found.fuel <= 1.001 * LEAST[seed, exponent]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "exponent"), LEAST)
+def test_an_optimizer_finds_its_least_fuel_again(seed: int, exponent: float) -> None:
+    voyage, path = voyage_and_path(seed, exponent, 200.0)
     costs = CostModel(
         voyage.current,
         voyage.start,
@@ -183,11 +193,11 @@ def test_no_speeds_of_an_optimizer_need_less_by_the_clock(seed: int, exponent: f
         },
         options={"maxiter": 60, "ftol": 1e-6},
     )
-    assert found.fuel <= 1.001 * result.fun
+    assert result.fun == pytest.approx(LEAST[seed, exponent], rel=1e-4)
     # One speed that is just in time needs more.
     fuel, arrival = flown(np.full(LEGS, one))
     assert arrival == pytest.approx(voyage.deadline, abs=0.2)
-    assert found.fuel < fuel
+    assert result.fun < fuel
 
 
 def test_the_trade_off_falls_and_meets_the_profile() -> None:

@@ -24,11 +24,11 @@ EXTENT = box(0, 0, 1000, 400)
 
 
 def hits(
-    path: FloatArray, land: list[shapely.Polygon], radius: float
+    path: FloatArray, land: list[shapely.Polygon], radius: float, spacing: float = 2.0
 ) -> tuple[FloatArray, BoolArray]:
     """Return stations along a path, m, and whether a turning circle to a side meets land."""
     line = shapely.LineString(path)
-    along = np.linspace(0, line.length, 1 + math.ceil(line.length / 2.0))
+    along = np.linspace(0, line.length, 1 + math.ceil(line.length / spacing))
     points = shapely.get_coordinates(shapely.line_interpolate_point(line, along))
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
     leg = np.searchsorted(np.cumsum(lengths), along, side="right").clip(max=len(lengths) - 1)

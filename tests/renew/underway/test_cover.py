@@ -140,7 +140,7 @@ def turns_round(path: FloatArray, place: tuple[float, float]) -> int:
     return round(float(angles[-1] - angles[0]) / (2 * math.pi))
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("dearer_by", [0.02, 0.1])
 def test_up_to_a_last_place_the_vessel_can_change_to_each_other_class(dearer_by: float) -> None:
     islands = {(175.0, 105.0): box(150, 60, 200, 150), (270.0, 55.0): box(260, 40, 280, 70)}
@@ -242,6 +242,7 @@ def test_few_ways_cover_what_many_stations_were_needed_for(
         assert one.longest <= 20.0 + 1e-6
 
 
+@pytest.mark.slow
 def test_the_way_to_a_haven_waits_until_it_opens() -> None:
     chart, still = renew.Chart(box(0, 0, 200, 100)), renew.UniformCurrent(0.0, 0.0)
     route = renew.plan(chart, still, PAPER_VESSEL, (20.0, 50.0), (180.0, 50.0)).best

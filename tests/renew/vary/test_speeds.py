@@ -26,7 +26,6 @@ PERIOD, STRENGTH = 200.0, 0.3
 
 
 @pytest.mark.slow
-@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("seed", "exponent"), [(0, 2.0), (1, 3.0)])
 def test_no_share_of_the_time_between_the_ways_to_and_from_a_point_needs_less(
     seed: int, exponent: float
@@ -126,6 +125,7 @@ def closed_form(departure: float, deadline: float, length: float, most: float) -
     return float(np.where((speed <= most) & (speed > 0.2), speed**2 * lasts, math.inf).min())
 
 
+@pytest.mark.slow
 def test_each_departure_has_the_speeds_of_least_fuel_and_the_best_one_is_found() -> None:
     current = renew.VaryingCurrent(np.linspace(0.0, 600.0, 241), ebb)
     departures, deadline = np.array([0.0, 180.0, 290.0]), 380.0

@@ -30,6 +30,7 @@ function readSeries({ step, moves }) {
 function readRoute(route, stepM) {
   const read = { rank: route.rank, way: route.way };
   for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], stepM);
+  read.narrow = route.narrow.map((line) => readLine(line, stepM));
   read.soft = route.soft.map((ring) => readRing(ring, stepM));
   for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
     read[name] = readSeries(route[name]);

@@ -121,7 +121,7 @@ class RouteMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
+    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", "narrow", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -218,6 +218,7 @@ class RouteMap {
     this.havens = L.layerGroup();
     this.turns = L.layerGroup();
     this.shores = L.layerGroup().addTo(this.map);
+    this.narrow = L.layerGroup().addTo(this.map);
     this.closest = L.layerGroup();
     this.spot = L.layerGroup().addTo(this.map);
   }
@@ -295,6 +296,7 @@ class RouteMap {
     this.toggle(this.turns, choice.layers.turns);
     this.turns.clearLayers();
     this.shores.clearLayers();
+    this.narrow.clearLayers();
     this.closest.clearLayers();
     if (route) this.showSafety(route);
     this.vessel.setOpacity(route ? 1 : 0);
@@ -325,8 +327,9 @@ class RouteMap {
     this.routes[season][selected].setStyle(ROUTE_SELECTED).bringToFront();
   }
 
-  /** Hard-over turns along the route, land of another shoreline on it, and its closest point to land. */
+  /** Stretches without room to turn, hard-over turns, land of another shoreline, and the closest point to land. */
   showSafety(route) {
+    for (const stretch of route.narrow) this.line(stretch, "routes", { weight: 3, opacity: 1 }).addTo(this.narrow);
     for (const place of route.shores) this.dot(place, { radius: 7, weight: 2, fill: false, shore: true }).addTo(this.shores);
     for (const place of route.turns) this.dot(place, { radius: 1.8, weight: 1, fillOpacity: 1, hit: false }).addTo(this.turns);
     for (const place of route.hits) this.dot(place, { radius: 5, weight: 2, fillOpacity: 1, hit: true }).addTo(this.turns);
@@ -383,6 +386,7 @@ class RouteMap {
     this.havens.eachLayer((layer) => {
       if (layer.options.role) layer.setStyle({ color: colour(layer.options.role), fillColor: colour("halo") });
     });
+    this.narrow.eachLayer((line) => line.setStyle({ color: colour("narrow") }));
     this.shores.eachLayer((dot) => dot.setStyle({ color: colour("shut") }));
     this.spot.eachLayer((layer) => {
       if (layer.options.spot) layer.setStyle({ color: colour("hit") });

@@ -344,6 +344,7 @@ def test_a_planar_scenario_has_positions_in_metres(
     assert now(page, "fuel") == texts.number(rows_of(planar_result)[0].fuel)
 
 
+@pytest.mark.slow
 def test_seasons_without_a_route_can_not_be_selected(
     reader: Reader, result: RunResult, tmp_path: Path
 ) -> None:

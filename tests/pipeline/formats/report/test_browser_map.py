@@ -48,7 +48,6 @@ def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("pixel_ratio", [1, 2])
 def test_arrows_are_as_dense_at_the_closest_zoom(
     reader: Reader, file: Path, pixel_ratio: int
@@ -137,6 +136,7 @@ def test_shoals_are_drawn_over_land(reader: Reader, result: RunResult, tmp_path:
     assert seen.sum() > 100
 
 
+@pytest.mark.slow
 def test_touch_targets_are_large_enough(reader: Reader, result: RunResult, tmp_path: Path) -> None:
     path = written(small_run.with_zones(result), tmp_path)
     page = reader.open(path, width=360, has_touch=True, is_mobile=True)
@@ -396,7 +396,7 @@ def test_on_a_phone_a_reason_has_room(reader: Reader, result: RunResult, tmp_pat
     assert box["height"] < 120
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [240, 1280])
 def test_labels_of_meridians_have_room(reader: Reader, file: Path, width: int) -> None:
     page = reader.open(file, width=width)

@@ -350,27 +350,24 @@ def fetched(name: str, hours: float, folder: Path, departure: datetime = DEPARTU
 # --- which steps --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "hours", "valid", "stamps"),
     [
         (HOURLY, 5.0, "08:00Z/14:00Z", [midnight(15) + k * HOUR for k in range(8, 15)]),
-        pytest.param(
+        (
             HOURLY_MEANS,
             3.0,
             "07:30Z/11:30Z",
             [midnight(15) + (k + 0.5) * HOUR for k in range(7, 12)],
-            marks=pytest.mark.slow,
         ),
-        pytest.param(
+        (
             SIX_HOURLY,
             20.0,
             "06:00Z/2024-07-16T06:00Z",
             [midnight(15) + k * HOUR for k in range(6, 31, 6)],
-            marks=pytest.mark.slow,
         ),
-        pytest.param(
-            DAILY, 60.0, "", [midnight(day) for day in range(14, 19)], marks=pytest.mark.slow
-        ),
+        (DAILY, 60.0, "", [midnight(day) for day in range(14, 19)]),
     ],
 )
 def test_all_steps_from_before_departure_to_the_last_arrival_are_fields(

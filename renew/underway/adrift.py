@@ -1,0 +1,219 @@
+"""Hours adrift: how long until land, if the thrust is lost here.
+
+From stations along a route a vessel without thrust is followed forward in the current, until its
+place meets the no-go zone. The time until then can jump between neighbouring stations: one passes
+an island, and the next one does not. So stations are added where neighbours differ; between them
+nothing is proven.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from renew._compiled import for_kernels
+from renew._types import BoolArray, FloatArray
+from renew.errors import ParameterError, check_kind, is_finite, shown
+from renew.inputs.chart_and_vessel import Chart
+from renew.inputs.current import CurrentLike, as_field
+from renew.kernels.current_table import CurrentTable
+from renew.kernels.drift import drifted, shore_of
+from renew.results import Route
+from renew.voyage.voyage import early_and_late
+
+# Number of stations along a route at first, and the largest number of times that the distance
+# between two of them is halved.
+_STATIONS = 400
+_HALVINGS = 4
+# Difference between neighbours, as a share of the shorter time, above which a station is added.
+_JUMP = 0.25
+# Longest step, s, and the share of a cell of the current that a step crosses at most. With these,
+# times are within a thousandth of those with a tenth of the step.
+_LONGEST_STEP = 300.0
+_STEP = 0.25
+# Share of the time between two slices of a changing current that a step lasts at most.
+_STEP_IN_TIME = 0.25
+# Largest number of steps.
+_MOST_STEPS = 5_000
+# Number of cells along the longer side of the raster of the shore.
+_CELLS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Adrift:
+    """Hours adrift along a route.
+
+    Attributes
+    ----------
+    points : (n, 2) m, the stations.
+    along : (n,) m, true distances from the route's beginning.
+    seconds : (n,) s until land, the least of a vessel that passes early, on time and late; inf
+        where it meets none within the `horizon`, or before it leaves the chart.
+    ends : (n, 2) m, where that vessel is then.
+    horizon : s, for which it was followed, but not beyond `known_until`.
+    known_until : s, on the current's clock: the end of its data; inf where there is none.
+    """
+
+    points: FloatArray
+    along: FloatArray
+    seconds: FloatArray
+    ends: FloatArray
+    horizon: float
+    known_until: float
+
+    @property
+    def least(self) -> int:
+        """The station with the least time."""
+        return int(self.seconds.argmin())
+
+    def share_below(self, limit: float) -> float:
+        """Return the share of the route's length where the time is below a limit (s)."""
+        weight = np.zeros(len(self.along))
+        weight[:-1] += np.diff(self.along) / 2
+        weight[1:] += np.diff(self.along) / 2
+        return float(weight[self.seconds < limit].sum() / max(weight.sum(), 1e-300))
+
+
+def adrift(
+    route: Route,
+    chart: Chart,
+    current: CurrentLike,
+    *,
+    land: Iterable[Polygon] | None = None,
+    horizon: float = 72 * 3600.0,
+    lateness: float = 0.05,
+    min_lateness: float = 0.0,
+) -> Adrift:
+    """Return how long a vessel that loses its thrust along a route drifts until it meets land.
+
+    Parameters
+    ----------
+    route : Route
+        As planned, with its times.
+    chart : Chart
+        Its extent; a vessel that leaves it meets no land. Its metres count (`point_scale`).
+    current : CurrentField or callable
+        What carries the vessel, m/s: the current, and leeway if that is added to it.
+    land : iterable of Polygon, optional
+        What it may not meet (m), by default the chart's no-go zone.
+    horizon : float
+        For how long it is followed (s).
+    lateness, min_lateness : float
+        In a current that changes it is also followed from a passage that is early and late, by a
+        share of the time since departure, and at least by some seconds.
+
+    Returns
+    -------
+    Adrift
+        The times at stations.
+
+    Raises
+    ------
+    ParameterError
+        No route or chart, or figures out of range.
+    """
+    check_kind("route", route, Route)
+    check_kind("chart", chart, Chart)
+    faults = [
+        f"{name} = {shown(value)} must be {what}"
+        for name, value, what, is_right in (
+            ("horizon", horizon, "a number of seconds above 0", _number(horizon) > 0),
+            ("lateness", lateness, "0 or more, below 1", 0 <= _number(lateness) < 1),
+            ("min_lateness", min_lateness, "0 s or more", _number(min_lateness) >= 0),
+        )
+        if not is_right
+    ]
+    if faults:
+        raise ParameterError("; ".join(faults))
+    field = as_field(current)
+    polygons = list(chart.no_go if land is None else land)
+    table = field.table(chart.bounds)
+    table = table._replace(metres=chart.metres, metres_in=chart.metres_in)
+    start, end = _edges(polygons)
+    xmin, ymin, xmax, ymax = bounds = chart.bounds
+    shore = shore_of(start, end, bounds, max(xmax - xmin, ymax - ymin) / _CELLS)
+    step = max(_step(table, chart), horizon / _MOST_STEPS)
+    known = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(route.path, axis=0), axis=1))])
+
+    until = float(horizon), float(field.span[1])
+
+    def follow(share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return points, seconds and ends of stations at shares (n,) of the route's length."""
+        on_way = share * known[-1]
+        points = np.stack([np.interp(on_way, known, x) for x in route.path.T], axis=-1)
+        times = np.interp(on_way, known, route.times)
+        passed = [times]
+        if not field.is_steady:
+            passed += early_and_late(times, float(route.times[0]), lateness, min_lateness)
+        each = [drifted(for_kernels(points), one, table, shore, step, until) for one in passed]
+        seconds = np.stack([one for one, _ in each])
+        worst, every = seconds.argmin(axis=0), np.arange(len(points))
+        ends = np.stack([one for _, one in each])[worst, every]
+        seconds = seconds[worst, every]
+        ashore = _on_land(points, polygons)
+        seconds[ashore], ends[ashore] = 0.0, points[ashore]
+        return points, seconds, ends
+
+    share = np.linspace(0.0, 1.0, _STATIONS + 1)
+    found = follow(share)
+    for _ in range(_HALVINGS):
+        between = np.flatnonzero(_jumps(found[1]))
+        if not len(between):
+            break
+        more = (share[between] + share[between + 1]) / 2
+        order = np.argsort(np.concatenate([share, more]), kind="stable")
+        share = np.concatenate([share, more])[order]
+        old, new = found, follow(more)
+        found = (
+            np.concatenate([old[0], new[0]])[order],
+            np.concatenate([old[1], new[1]])[order],
+            np.concatenate([old[2], new[2]])[order],
+        )
+    points, seconds, ends = found
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    lengths *= chart.true_metres((points[:-1] + points[1:]) / 2)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    return Adrift(points, along, seconds, ends, *until)
+
+
+def _number(value: object) -> float:
+    """Return a finite number; NaN, which no limit admits, for anything else."""
+    return float(value) if is_finite(value) else math.nan
+
+
+def _on_land(points: FloatArray, polygons: list[Polygon]) -> BoolArray:
+    """Whether points (n, 2) lie on any polygon; these may overlap."""
+    found = np.zeros(len(points), dtype=bool)
+    near = shapely.STRtree(polygons).query(shapely.points(points))[1]
+    for k in np.unique(near).tolist():
+        shapely.prepare(polygons[k])
+        found |= shapely.intersects_xy(polygons[k], points)
+    return found
+
+
+def _edges(polygons: list[Polygon]) -> tuple[FloatArray, FloatArray]:
+    """Return begin and end (e, 2) of the edges of polygons."""
+    rings = shapely.get_rings(np.array(polygons, dtype=object))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    inside = np.diff(ring) == 0 if len(ring) else np.zeros(0, dtype=bool)
+    return for_kernels(points[:-1][inside]), for_kernels(points[1:][inside])
+
+
+def _step(table: CurrentTable, chart: Chart) -> float:
+    """Return the length of a step, s, in which a vessel adrift crosses little of the current."""
+    xmin, ymin, xmax, ymax = chart.bounds
+    cell = min(float(np.diff(table.x).min()), float(np.diff(table.y).min()))
+    cell = min(cell, max(xmax - xmin, ymax - ymin) / _CELLS)
+    step = min(_LONGEST_STEP, _STEP * cell / max(table.strongest, 1e-9))
+    if not table.is_steady:
+        step = min(step, _STEP_IN_TIME * float(np.diff(table.times).min()))
+    return step
+
+
+def _jumps(seconds: FloatArray) -> BoolArray:
+    """Whether the times (n,) of neighbours differ so much that they may jump between (n - 1,)."""
+    less, more = np.minimum(seconds[:-1], seconds[1:]), np.maximum(seconds[:-1], seconds[1:])
+    return np.isfinite(less) & (more > (1 + _JUMP) * less)
