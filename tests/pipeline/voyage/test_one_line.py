@@ -306,9 +306,9 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
         env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
     )
     assert done.returncode == 0, done.stderr
-    assert "Region 116." in done.stdout
+    assert "region 116." in done.stdout
     assert "offing of 69" in done.stdout
-    assert "planned on Embedded table of surface currents around Palawan" in done.stderr
+    assert "planned on Embedded table of surface currents around Palawan" in done.stdout
     (best, *_) = metrics(tmp_path / "outputs" / "12n48-120e18-to-7n42-116e48")
     # Ways past the smaller islands around it are named, too.
     assert best["way"].startswith("west of Palawan")
