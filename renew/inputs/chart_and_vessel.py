@@ -43,7 +43,8 @@ class Chart:
         holds for every route off this land; the plan keeps off `no_go`.
     point_scale : callable, optional
         Of a conformal plane: metres of the plane per true metre (...) at points (..., 2), m. Then
-        times, fuel, bounds and turns are those of true metres; lengths and places stay the plane's.
+        times, fuel, bounds, turns and the lengths of routes are those of true metres; places,
+        padding and clearances stay the plane's.
 
     Raises
     ------
