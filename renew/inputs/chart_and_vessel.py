@@ -147,6 +147,14 @@ class Chart:
         return MultiPolygon(self.no_go)
 
     @cached_property
+    def shore_tree(self) -> shapely.STRtree:
+        """The edges of L as lines, for queries by place."""
+        rings = shapely.get_rings(np.array(self.no_go, dtype=object))
+        points, ring = shapely.get_coordinates(rings, return_index=True)
+        ends = np.stack([points[:-1], points[1:]], axis=1)
+        return shapely.STRtree(shapely.linestrings(ends[np.diff(ring) == 0]))
+
+    @cached_property
     def water(self) -> shapely.Geometry:
         """The extent minus L: a Polygon, or a MultiPolygon where land parts it."""
         return self.less(self.extent, self.hard_no_go)
