@@ -142,7 +142,11 @@ class LateFaults:
             self.lines += [line] * (line not in self.lines)
 
 
-class NoWayError(RequestError):
+class NoPlanError(RequestError):
+    """No case could be planned as asked."""
+
+
+class NoWayError(NoPlanError):
     """No case has a way from start to goal in the region; a wider region may have one."""
 
 

@@ -165,10 +165,10 @@ def go(
         start, goal = faults.collect(lambda: halves(positions)) or (None, None)
         request = read_voyage({**given, "start": start, "goal": goal}, "command", faults.lines)
         from pipeline.cli.reporting import run_to_end
-        from pipeline.voyage.one_line import run_voyage, voyage_scenario
+        from pipeline.voyage.one_line import run_or_keep, voyage_scenario
 
         scenario, notes = voyage_scenario(request)
-        run = partial(run_voyage, request, scenario, said=notes)
+        run = partial(run_or_keep, request, scenario, said=notes)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
 
 

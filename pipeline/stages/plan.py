@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import renew
-from pipeline.errors import NoWayError, RequestError, StageError
+from pipeline.errors import NoPlanError, NoWayError, StageError
 from pipeline.findings.text import seasons_text
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Case, CaseResult, Measures, SimplifiedLand
@@ -144,7 +144,7 @@ def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -
         return StageError("; ".join(reasons))
     if chosen.scenario.under_way is not None:  # at sea it is an answer, not a wrong request
         return StageError(f"no way from here: {'; '.join(reasons)}")
-    return (NoWayError if any(one.is_shut for one in results) else RequestError)(reasons)
+    return (NoWayError if any(one.is_shut for one in results) else NoPlanError)(reasons)
 
 
 def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iterator[CaseTask]:

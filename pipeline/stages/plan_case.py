@@ -127,11 +127,15 @@ def _failed(
         and not any(isinstance(cause, TooLateError) for cause in error.causes)
         and not is_shut_in(case, error.straits, _smallest_padding(error, case, options))
     )
-    return CaseResult(case.name, None, reason_text(error, case), seconds, is_shut)
+    reason = reason_text(error, case, refuses=options.shortfall == "refuse")
+    return CaseResult(case.name, None, reason, seconds, is_shut)
 
 
-def reason_text(error: renew.PlanningError, case: Case) -> str:
-    """Return the reason why there is no plan: of those of many classes one, with one remedy."""
+def reason_text(error: renew.PlanningError, case: Case, *, refuses: bool = False) -> str:
+    """Return the reason why there is no plan: of those of many classes one, with one remedy.
+
+    A plan that `refuses` may be asked for with as much padding as there is room for.
+    """
     spelled = partial(planner_text, case=case)
     causes = error.causes if isinstance(error, renew.UnreachableError) else ()
     if not isinstance(error, renew.UnreachableError) or not (
@@ -160,6 +164,8 @@ def reason_text(error: renew.PlanningError, case: Case) -> str:
     remedy = "no other padding or risk leaves one"
     if would:
         remedy = f"in a scenario, {would} under [planner] would leave one"
+    if refuses:
+        remedy += '; shortfall = "least" (--shortfall least) keeps as much as there is room for'
     return f"no way has room: {spelled(why)}; {remedy}"
 
 

@@ -8,11 +8,14 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import NoPlanError
+from pipeline.findings.names import MANIFEST
 from pipeline.findings.text import moment_text
+from pipeline.machine.paths import short_path
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.loading import asked_currents, parse_scenario
+from pipeline.scenario.loading import asked_currents, parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.scenario.strict import validated
@@ -101,7 +104,8 @@ def go(
     Raises
     ------
     RequestError
-        The request is wrong; the message has a line for each fault; nothing was written.
+        The request is wrong; the message has a line for each fault. Nothing was written but, of a
+        voyage without a way, its scenario.
     StageError
         The voyage can't be planned for another reason, or the results can't be written.
     """
@@ -110,7 +114,7 @@ def go(
     on_event = on_event or ignore
     for note in notes:
         on_event(Event("fetch", "note", detail=note))
-    return run_voyage(request, scenario, said=notes, on_event=on_event)
+    return run_or_keep(request, scenario, said=notes, on_event=on_event)
 
 
 def _parameters() -> str:
@@ -134,6 +138,21 @@ def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Ou
     require_sailable(scenario)
     offline, strict = request.offline, request.strict
     return run(scenario, request.output, offline=offline, strict=strict, **reports)
+
+
+def run_or_keep(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:  # noqa: ANN401 - see `run`
+    """Run a voyage's scenario; write the scenario of one that is refused, to be changed."""
+    try:
+        return run_voyage(request, scenario, **reports)
+    except NoPlanError as error:
+        folder = request.output / scenario.name
+        if (folder / MANIFEST).exists():  # of an earlier run
+            raise
+        folder.mkdir(parents=True, exist_ok=True)
+        file = folder / "scenario.toml"
+        file.write_text(scenario_text(scenario), encoding="utf-8")
+        said = f"its scenario is in {short_path(file)}: change it there, and give it to renew run"
+        raise type(error)([*error.faults, said]) from error
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:

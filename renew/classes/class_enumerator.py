@@ -59,8 +59,6 @@ from renew.voyage.voyage import Voyage
 _MAX_STEPS = 1_000_000
 # Least size, in cells, of the islands that distinguish paths in a search on a finer roadmap.
 _WIDE = 2.0
-# How many times as much a leg without any room costs beside its own cost, where water is narrow.
-_DEARER = 3.0
 # Largest number of steps of the depth-first search, which looks at triangles one by one.
 _MAX_DEPTH_FIRST_STEPS = 100_000
 
@@ -69,14 +67,15 @@ _MAX_DEPTH_FIRST_STEPS = 100_000
 class _Roads:
     """Roadmaps of the water for one order of classes, `clearance` m off land.
 
-    Legs with less room than `roomy` m cost more.
+    Legs with less room than `narrow[0]` m cost more: without any, `narrow[1]` times as much beside
+    their own cost.
     """
 
     voyage: Voyage
     triangulation: Triangulation
     order: Order
     clearance: float
-    roomy: float = 0.0
+    narrow: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def everywhere(self) -> Roadmap:
@@ -114,21 +113,22 @@ class _Roads:
             resolution=resolution,
             tube=tube,
         )
-        return self._dearer_in_narrows(graph) if self.roomy else graph
+        return self._dearer_in_narrows(graph) if self.narrow[1] else graph
 
     def _dearer_in_narrows(self, graph: Roadmap) -> Roadmap:
         """Return a roadmap whose legs take longer the less room they have, so that few are used."""
-        room = np.full(len(graph.points), self.roomy)
+        roomy, most = self.narrow
+        room = np.full(len(graph.points), roomy)
         near, apart = self.triangulation.constrained_edge_tree.query_nearest(
             shapely.points(graph.points),
-            max_distance=self.roomy,
+            max_distance=roomy,
             return_distance=True,
             all_matches=False,
         )
         room[near[0]] = apart
         tail = np.repeat(np.arange(len(room)), np.diff(graph.first))
-        lacking = 1 - np.minimum(room[tail], room[graph.head]) / self.roomy
-        dearer = 1 + _DEARER * lacking
+        lacking = 1 - np.minimum(room[tail], room[graph.head]) / roomy
+        dearer = 1 + most * lacking
         return graph._replace(time=dearer * graph.time, back=dearer * graph.back)
 
 
@@ -158,7 +158,7 @@ class ClassEnumerator:
         order: Order,
         *,
         clearance: float = 0.0,
-        roomy: float = 0.0,
+        narrow: tuple[float, float] = (0.0, 0.0),
     ) -> "ClassEnumerator":
         """Return the enumerator of the classes that rays distinguish.
 
@@ -172,7 +172,7 @@ class ClassEnumerator:
                 voyage.start,
                 voyage.goal,
             )
-        roads = _Roads(voyage, triangulation, order, clearance, roomy)
+        roads = _Roads(voyage, triangulation, order, clearance, narrow)
         return cls(voyage, triangulation, rays, roads)
 
     @classmethod

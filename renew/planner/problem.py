@@ -43,6 +43,10 @@ from renew.voyage.voyage import Voyage
 
 # Room that a hard-over turn takes in still water, in v/ω.
 NEEDED = 2.0
+# Ratio to the least fuel up to which a way is taken for more room to turn.
+MUCH_MORE = 1.2
+# How many times as much a leg without any room may cost beside its own cost, tried in this order.
+_DEARER = 0.3, 1.0, 3.0
 # Number of steps in which the padding yields where no way keeps it.
 _STEPS = 20
 
@@ -53,7 +57,8 @@ class Problem:
 
     Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
     classes keep their names. Roadmaps are taken from `base`, a problem at another departure. Where
-    no way keeps the padding, `kept` is the share that one can keep everywhere.
+    no way keeps the padding, `kept` is the share that one can keep everywhere, and legs without
+    room cost `dearer` times as much beside their own cost.
     """
 
     voyage: Voyage
@@ -61,6 +66,7 @@ class Problem:
     first: "Problem | None" = None
     base: "Problem | None" = None
     kept: float = 1.0
+    dearer: float = 0.0
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -120,14 +126,31 @@ class Problem:
         return self.kept < 1.0
 
     def falling_short(self) -> "Problem":
-        """Return the problem with the largest share of padding that some way keeps everywhere."""
-        low, high = 0, _STEPS
+        """Return the problem with the largest share of padding that some way keeps everywhere.
+
+        The way may not be much dearer than the best without padding, nor may the best way be if
+        legs without room cost more.
+        """
+
+        def least_time(steps: int) -> float:
+            radius = self.voyage.vessel.turning_radius
+            return self.scout(self.options.likely_width(radius, steps / _STEPS)).least_time
+
+        low, high, latest = 0, _STEPS, MUCH_MORE * least_time(0)
         while high - low > 1:
             middle = (low + high) // 2
-            width = self.options.likely_width(self.voyage.vessel.turning_radius, middle / _STEPS)
-            has_way = math.isfinite(self.scout(width).least_time)
+            has_way = least_time(middle) <= latest < math.inf
             low, high = (middle, high) if has_way else (low, middle)
-        return replace(self, kept=low / _STEPS)
+        short, most = replace(self, kept=low / _STEPS), math.inf
+        for dearer in (0.0, *_DEARER):
+            tried = replace(short, dearer=dearer)
+            ways = tried.scout(tried.likely_width).channels(1)
+            rough = [one.found_by.points for one in ways if one.found_by is not None]
+            fuel = min(map(self.voyage.fuel, rough), default=math.inf)
+            if not fuel <= most:
+                break
+            most, short = min(most, MUCH_MORE * fuel), tried
+        return short
 
     def leaving(self, departure: float) -> "Problem":
         """Return the problem at another departure (s)."""
@@ -172,9 +195,9 @@ class Problem:
         rays = self.all_rays
         order, water = self.options.order, self.triangulation
         try:
-            roomy = NEEDED * voyage.vessel.turning_radius if self.falls_short else 0.0
+            narrow = NEEDED * voyage.vessel.turning_radius, self.dearer
             width = clearance + slack
-            return ClassEnumerator.of(voyage, water, rays, order, clearance=width, roomy=roomy)
+            return ClassEnumerator.of(voyage, water, rays, order, clearance=width, narrow=narrow)
         except UnreachableError:
             if not self.overpowered_water.is_empty:
                 # Where land separates the two, this raises the same error.

@@ -22,6 +22,7 @@ from renew.kernels.current_table import CurrentTable, mean_metre, velocity
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
+from renew.planner.problem import MUCH_MORE
 from renew.results import Route
 from renew.steering.trajectory import steerable
 from renew.voyage.voyage import Voyage
@@ -238,8 +239,6 @@ def harmonic_mean(fuels: FloatArray) -> float:
     return float(len(fuels) / (1 / fuels).sum())
 
 
-# Ratio to the least fuel up to which a route is chosen for more room to turn.
-_MUCH_MORE = 1.2
 # Ratio to the least length without room up to which another route is as short.
 _AS_SHORT = 1.1
 
@@ -252,7 +251,7 @@ def chosen_class(routes: Sequence[Route]) -> int:
     those that don't need much more.
     """
     every = range(len(routes))
-    most = _MUCH_MORE * min(route.harmonic_mean for route in routes)
+    most = MUCH_MORE * min(route.harmonic_mean for route in routes)
     near = [at for at in every if routes[at].harmonic_mean <= most]
     worst = min(routes[at].lacking[0] for at in near)
     near = [at for at in near if routes[at].lacking[0] == worst]
