@@ -400,7 +400,12 @@ def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
     points = tracks.reshape(-1, 2)
     inside = shapely.contains_xy(chart.hard_no_go, points)
     depth = np.zeros(len(points))
-    depth[inside] = shapely.distance(shapely.points(points[inside]), chart.hard_no_go.boundary)
+    if inside.any():
+        # Much quicker than the distance to the whole boundary.
+        found, apart = chart.shore_tree.query_nearest(
+            shapely.points(points[inside]), return_distance=True, all_matches=False
+        )
+        depth[np.flatnonzero(inside)[found[0]]] = apart
     return np.asarray(depth.reshape(tracks.shape[:2]).max(axis=1))
 
 
