@@ -83,7 +83,7 @@ class Route:
     trajectory : (m, 4) of t (s), x, y (m) and heading (rad): the path as it is steered, with times
         on the current's clock.
     fuel : Eq. 4 along the path (fuel units; seconds for the paper's vessel).
-    length : metres.
+    length : metres; true ones on a chart with a `point_scale`.
     clearance : least distance from the path to the hard no-go zone (m); inf on an empty chart.
     duration : time under way by the drift model (s).
     times : (n,) s, when the path's points are passed, on the current's clock; the first is the

@@ -25,6 +25,8 @@ from renew.request import Request
 _TO_SPARE = 1.05
 # Water this many times as wide as a turn's reach to a side is not what is narrow: an islet is.
 _WIDE = 2.0
+# Steps in which turning circles are told, as a share of the vessel's.
+_STEP = 0.05
 # A vessel turns faster than it can where it turns by this factor more than its turn rate.
 _FASTER = 1.05
 
@@ -49,7 +51,7 @@ def narrow_stretches(
     room = room_to_turn(route.path, problem, route.speeds)
     for one in route.shortfalls:
         inside = np.flatnonzero((room.along >= one.begin) & (room.along <= one.end))
-        share = min(1.0, _TO_SPARE * float(room.share[inside].min()))
+        share = _STEP * math.floor(_TO_SPARE * float(room.share[inside].min()) / _STEP)
         if room.share[inside].min() == 1:
             if not _turns_faster(route, line, one, vessel):
                 continue

@@ -43,7 +43,8 @@ class Chart:
         holds for every route off this land; the plan keeps off `no_go`.
     point_scale : callable, optional
         Of a conformal plane: metres of the plane per true metre (...) at points (..., 2), m. Then
-        times, fuel, bounds and turns are those of true metres; lengths and places stay the plane's.
+        times, fuel, bounds, turns and the lengths of routes are those of true metres; places,
+        padding and clearances stay the plane's.
 
     Raises
     ------
@@ -144,6 +145,14 @@ class Chart:
     def hard_no_go(self) -> MultiPolygon:
         """The hard no-go zone L as one geometry."""
         return MultiPolygon(self.no_go)
+
+    @cached_property
+    def shore_tree(self) -> shapely.STRtree:
+        """The edges of L as lines, for queries by place."""
+        rings = shapely.get_rings(np.array(self.no_go, dtype=object))
+        points, ring = shapely.get_coordinates(rings, return_index=True)
+        ends = np.stack([points[:-1], points[1:]], axis=1)
+        return shapely.STRtree(shapely.linestrings(ends[np.diff(ring) == 0]))
 
     @cached_property
     def water(self) -> shapely.Geometry:

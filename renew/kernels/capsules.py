@@ -82,7 +82,7 @@ def capsule_interval(leg: Segment, axis: Segment, radius: float) -> tuple[float,
     return max(enter, 0.0), min(leave, 1.0)
 
 
-@kernel
+@small_kernel
 def _between(value: float, slope: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of s where low <= value + s slope <= high; (inf, -inf) if empty."""
     if abs(slope) < _MIN_SLOPE:
@@ -120,7 +120,7 @@ def capsule_bounds(capsules: Capsules) -> FloatArray:
     return bounds
 
 
-@kernel
+@small_kernel
 def intersects(
     bounds: FloatArray, h: int, west: float, south: float, east: float, north: float
 ) -> bool:

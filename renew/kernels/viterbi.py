@@ -86,7 +86,7 @@ def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: St
     return leg_time_from(Segment(ax, ay, bx, by), u, v, end, begin, water)
 
 
-@reading_kernel
+@small_kernel
 def leg_time_from(
     leg: Segment, u: float, v: float, end: Site, begin: float, water: Stream
 ) -> float:

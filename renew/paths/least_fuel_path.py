@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from renew._compiled import kernel, reading_kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray
 from renew.errors import InfeasibleError, Length
 from renew.kernels.capsules import Segment, capsules_near, legs_are_clear
@@ -487,7 +487,7 @@ class _Place(NamedTuple):
     v: float
 
 
-@reading_kernel
+@small_kernel
 def _around(
     path: FloatArray,
     normals: FloatArray,
@@ -506,7 +506,7 @@ def _around(
     )
 
 
-@reading_kernel
+@small_kernel
 def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
     """Return the place of a point that is passed at a given time (s)."""
     site = site_of(stream.table, x, y)
@@ -514,7 +514,7 @@ def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
     return _Place(x, y, site, u, v)
 
 
-@reading_kernel
+@small_kernel
 def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
     """Return the time (s) over a leg, which begins at a given time (s)."""
     leg = Segment(a.x, a.y, b.x, b.y)

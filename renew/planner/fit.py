@@ -53,9 +53,10 @@ def fitted(planner: ClassPlanner, found: ClassPath) -> ClassPath:
     freed = corridor.with_padding(
         [_off(edges, ends, _least(edges, planner.options)) for edges in corridor.paddings]
     )
-    if _needs(planner, freed, found.path)[1]:
-        corridor = freed
-    return _fit(planner, corridor, found)
+    needed, is_clear = _needs(planner, freed, found.path)
+    if is_clear:
+        return _fit(planner, freed, found, needed)
+    return _fit(planner, corridor, found, _needs(planner, corridor, found.path)[0])
 
 
 def fitted_along(planner: ClassPlanner, path: FloatArray, ways: FreeWays) -> ClassPath:
@@ -117,13 +118,17 @@ def _off(edges: PaddedEdges, place: shapely.Geometry, least: FloatArray) -> Padd
     return _padded(edges, np.minimum(edges.turns, _OFF * shapely.distance(pieces, place)), least)
 
 
-def _fit(planner: ClassPlanner, corridor: Corridor, best: ClassPath) -> ClassPath:
-    """Fit the padding of pieces to turns near a path that is clear; return the cheapest such."""
+def _fit(
+    planner: ClassPlanner, corridor: Corridor, best: ClassPath, needed: Sequence[FloatArray]
+) -> ClassPath:
+    """Fit the padding of pieces to turns near a path that is clear; return the cheapest such.
+
+    Each part's turns along this path need padding (e,), m.
+    """
     step, voyage = 1.0, corridor.voyage
     least = [_held(edges, _least(edges, planner.options), voyage) for edges in corridor.paddings]
     most = [_most(edges, voyage) for edges in corridor.paddings]
     path = best.path
-    needed, _ = _needs(planner, corridor, path)
     if _most_saved(path, corridor, needed) < _WORTHWHILE:
         return best
     for _ in range(_ROUNDS):

@@ -250,21 +250,30 @@ class _Near(NamedTuple):
     def needs(self, flown: _Flown, chart: Chart) -> tuple[IntArray, FloatArray, FloatArray]:
         """Return edges near the path, the padding (p,) that they need, and their room (p,), m."""
         field, times, margin = flown
-        turns, bounds, near = self._turns(self.close, field, times, AROUND)
         start, end, padding = self.padded.start, self.padded.end, self.padded.padding
+        beside = _BESIDE * self.vessel.turning_radius
+        # Far off padding, only turns that may touch land tell anything.
+        row = np.repeat(np.arange(len(self.points)), np.diff(self.first))
+        apart = segment_distance(self.points[row], start[self.near], end[self.near])
+        is_beside = np.zeros(len(self.points), dtype=bool)
+        is_beside[row[apart <= padding[self.near] + beside]] = True
+        is_beside[self._that_may_touch(flown, self.close[~is_beside[self.close]])] = True
+        close = self.close[is_beside[self.close]]
+        if not len(close):
+            return close, np.zeros(0), np.zeros(0)
+        turns, bounds, near = self._turns(close, field, times, AROUND)
         most = _ENOUGH * self.vessel.turning_radius
         room = track_distances(turns, bounds, near, start, end, most)
         between = track_distances(_between(turns), bounds, near, start, end, most)
         room = np.minimum(room, between)
-        row = np.repeat(np.arange(len(self.close)), np.diff(bounds))
+        row = np.repeat(np.arange(len(close)), np.diff(bounds))
         if len(crossing := np.unique(row[room < 0])):
-            deep = np.zeros(len(self.close))
+            deep = np.zeros(len(close))
             tracks = turns[crossing].reshape(-1, *turns.shape[2:])
             deep[crossing] = _depths(tracks, chart).reshape(len(crossing), -1).max(axis=1)
             room = np.where(room < 0, -deep[row], room)
         room -= margin
-        apart = segment_distance(self.points[self.close][row], start[near], end[near])
-        beside = _BESIDE * self.vessel.turning_radius
+        apart = segment_distance(self.points[close][row], start[near], end[near])
         is_met = (apart <= padding[near] + beside) | (room < 0)
         return near[is_met], (apart - room)[is_met], room[is_met]
 
@@ -282,21 +291,28 @@ class _Near(NamedTuple):
                 found.append(self.close[np.unique(track // lines.shape[1])])
         return np.unique(np.concatenate(found))
 
+    def _that_may_touch(self, flown: _Flown, chosen: IntArray) -> IntArray:
+        """Return those of chosen stations from which turns may touch land.
+
+        From the others, the unperturbed turn stays so far off that no perturbed one can.
+        """
+        field, times, margin = flown
+        drift = (self.furthest[chosen] - 2 * self.vessel.turning_radius) / 2
+        off = _max_offset(self.points[chosen], field, self.vessel, drift, times[chosen])
+        turns, bounds, near = self._turns(chosen, field, times, _CORNERS[:, :1])
+        edges = self.padded.start, self.padded.end
+        track, _ = tracks_touch(turns, bounds, near, *edges, margin + off)
+        return np.asarray(chosen[np.unique(track // turns.shape[1])])
+
     def touched(
         self, flown: _Flown, chart: Chart, is_fitted: bool
     ) -> tuple[IntArray, FloatArray] | None:
         """Return edges that turns from close stations touch in a field, and what they lack (m)."""
-        close, (field, times, margin) = self.close, flown
-        # Perturbed turns are left out where the unperturbed one stays so far off that none can
-        # touch land.
-        drift = (self.furthest[close] - 2 * self.vessel.turning_radius) / 2
-        off = _max_offset(self.points[close], field, self.vessel, drift, times[close])
-        start, end = self.padded.start, self.padded.end
-        turns, bounds, near = self._turns(close, field, times, _CORNERS[:, :1])
-        track, _ = tracks_touch(turns, bounds, near, start, end, margin + off)
-        close = close[np.unique(track // turns.shape[1])]
+        field, times, margin = flown
+        close = self._that_may_touch(flown, self.close)
         if not len(close):
             return None
+        start, end = self.padded.start, self.padded.end
         radius = np.full(len(close), margin)
         deviations = AROUND if is_fitted else _CORNERS
         turns, bounds, near = self._turns(close, field, times, deviations)
@@ -384,7 +400,12 @@ def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
     points = tracks.reshape(-1, 2)
     inside = shapely.contains_xy(chart.hard_no_go, points)
     depth = np.zeros(len(points))
-    depth[inside] = shapely.distance(shapely.points(points[inside]), chart.hard_no_go.boundary)
+    if inside.any():
+        # Much quicker than the distance to the whole boundary.
+        found, apart = chart.shore_tree.query_nearest(
+            shapely.points(points[inside]), return_distance=True, all_matches=False
+        )
+        depth[np.flatnonzero(inside)[found[0]]] = apart
     return np.asarray(depth.reshape(tracks.shape[:2]).max(axis=1))
 
 

@@ -339,6 +339,7 @@ def case_facts(case: RunCase) -> CaseFacts | None:
         case.measures.clock_worth,
         case.side_bound,
         case.lacks_current,
+        is_narrow=bool(case.measures.narrow),
     )
 
 

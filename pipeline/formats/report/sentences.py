@@ -18,6 +18,13 @@ _TELLING = 1e-3
 _NO_CURRENT = 0.01
 
 
+# Why a route is taken though another needs less fuel: in narrow water, and by the sampled method.
+_ROOMIER = "it leaves more room to turn hard over, although another route needs less fuel"
+_LEAST_IN_THE_MEAN = (
+    "its class needs the least fuel in the mean, although another route needs less than this one"
+)
+
+
 @dataclass(frozen=True)
 class CaseFacts:
     """The facts for a case's sentences.
@@ -26,7 +33,7 @@ class CaseFacts:
     m/s. For the best route, `gap` has the parts of its optimality gap, `worth` what it saves by
     knowing how the current changes, and `other_sides_fuel` a lower bound on the fuel of other
     sides, if known. If the route `lacks_current`, the current on the way is not known, so nothing
-    is proven.
+    is proven. `is_narrow` says whether routes have stretches without room to turn.
     """
 
     routes: Sequence[RouteMetrics]
@@ -35,6 +42,7 @@ class CaseFacts:
     worth: ClockWorth | None = None
     other_sides_fuel: float | None = None
     lacks_current: bool = False
+    is_narrow: bool = False
 
     @property
     def best(self) -> RouteMetrics:
@@ -64,11 +72,8 @@ class CaseFacts:
             return "because no other class that was planned has a route."
         if self.is_still or (self.lacks_current and self.best.length_m <= rival.length_m):
             return f"because {self._still(rival)}."
-        if self.best.fuel > rival.fuel:  # the sampled method
-            return (
-                "because its class needs the least fuel in the mean, although another route needs "
-                "less than this one."
-            )
+        if self.best.fuel > rival.fuel:
+            return f"because {_ROOMIER if self.is_narrow else _LEAST_IN_THE_MEAN}."
         ours, theirs = (_gain(route) for route in (self.best, rival))
         helped = f"the current {_effect_on(ours)} its speed and {_effect_on(theirs)} the other's"
         if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
@@ -181,6 +186,8 @@ class CaseFacts:
     def _still(self, rival: RouteMetrics) -> str:
         """Say that length decides: no current is known, or it is too weak to matter."""
         shorter = self._shorter(rival)
+        if self.is_narrow and self.best.fuel > rival.fuel:
+            return _ROOMIER
         if self.lacks_current:
             return f"{shorter}; the current on the way is not known"
         return (
