@@ -18,7 +18,7 @@ ROOMS = {
     "renew": (1_470, 28),
     "pipeline": (1_124, 13),
     "pipeline/cli": (2_622, 6),
-    "pipeline/findings": (3_624, 17),
+    "pipeline/findings": (3_628, 17),
     "pipeline/formats": (7_893, 15),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),

@@ -489,6 +489,8 @@ def route_caveats(ranked: RankedRoute) -> tuple[Note, ...]:
 
 def narrow_notes(ranked: RankedRoute) -> Iterator[Note]:
     """Yield a note on each stretch of a route without room for a hard-over turn."""
+    if not ranked.metrics.trials:
+        return  # a way to a haven, of which nothing is measured, has the number of a route
     metrics, case, place = ranked.metrics, ranked.case, ranked.case.run.water.place
     for one in case.narrow(ranked.rank):
         yield Note.of(
@@ -510,6 +512,8 @@ def unsafe_notes(ranked: RankedRoute) -> Iterator[Note]:
     """Yield a note on each stretch without room for a turn, and if a turn meets no-go elsewhere."""
     yield from narrow_notes(ranked)
     metrics, case, narrow = ranked.metrics, ranked.case, ranked.case.narrow(ranked.rank)
+    if not metrics.collisions:
+        return
     turns = case.measures.turns[metrics.rank - 1]
     met = np.asarray(turns.points)[np.asarray(turns.collided)]
     stretches = shapely.union_all([shapely.LineString(one.line) for one in narrow])
