@@ -130,7 +130,7 @@ def _through(
     onwards = quickest(time, GOAL)[0][head]
     near = quickest(time, START)[0][tail] + time + onwards < _LONGER * best_s
     head, tail, time = head[near], tail[near], time[near]
-    price = np.minimum(1 / share, _DEAREST) * _PRICE * best_s
+    price = 1 / np.maximum(share, 1 / _DEAREST) * _PRICE * best_s
     legs = shapely.linestrings(graph.points[np.stack([tail, head], axis=1)])
     leg, gap = shapely.STRtree(shapely.linestrings(gaps)).query(legs, predicate="intersects")
     crossed = np.bincount(leg, price[gap], minlength=len(legs))
