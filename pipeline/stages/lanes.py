@@ -28,8 +28,6 @@ _AGAINST_DEG = 120.0
 _STEP_DEG = 0.09
 # Least true metres that count: less is a corner that is cut.
 _LEAST_M = 50.0
-
-
 # Length of a vessel, m, from which it keeps lanes by default: rule 10 forbids smaller ones only to
 # impede those that follow a lane.
 _KEPT_FROM_M = 20.0

@@ -149,10 +149,7 @@ class Chart:
     @cached_property
     def shore_tree(self) -> shapely.STRtree:
         """The edges of L as lines, for queries by place."""
-        rings = shapely.get_rings(np.array(self.no_go, dtype=object))
-        points, ring = shapely.get_coordinates(rings, return_index=True)
-        ends = np.stack([points[:-1], points[1:]], axis=1)
-        return shapely.STRtree(shapely.linestrings(ends[np.diff(ring) == 0]))
+        return shapely.STRtree(shapely.linestrings(edges_of(self.no_go)))
 
     @cached_property
     def water(self) -> shapely.Geometry:
@@ -181,6 +178,13 @@ class Chart:
         """The extent's (xmin, ymin, xmax, ymax) in metres."""
         xmin, ymin, xmax, ymax = self.extent.bounds
         return xmin, ymin, xmax, ymax
+
+
+def edges_of(polygons: Iterable[Polygon]) -> FloatArray:
+    """Return the edges (e, 2, 2), m, of polygons."""
+    rings = shapely.get_rings(np.array(list(polygons), dtype=object))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    return np.asarray(np.stack([points[:-1], points[1:]], axis=1)[np.diff(ring) == 0])
 
 
 def _metres(

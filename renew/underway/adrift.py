@@ -17,7 +17,7 @@ from shapely import Polygon
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, shown
-from renew.inputs.chart_and_vessel import Chart
+from renew.inputs.chart_and_vessel import Chart, edges_of
 from renew.inputs.current import CurrentLike, as_field
 from renew.kernels.current_table import CurrentTable
 from renew.kernels.drift import drifted, shore_of
@@ -132,9 +132,14 @@ def adrift(
     polygons = list(chart.no_go if land is None else land)
     table = field.table(chart.bounds)
     table = table._replace(metres=chart.metres, metres_in=chart.metres_in)
-    start, end = _edges(polygons)
+    edges = edges_of(polygons)
     xmin, ymin, xmax, ymax = bounds = chart.bounds
-    shore = shore_of(start, end, bounds, max(xmax - xmin, ymax - ymin) / _CELLS)
+    shore = shore_of(
+        for_kernels(edges[:, 0]),
+        for_kernels(edges[:, 1]),
+        bounds,
+        max(xmax - xmin, ymax - ymin) / _CELLS,
+    )
     step = max(_step(table, chart), horizon / _MOST_STEPS)
     known = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(route.path, axis=0), axis=1))])
 
@@ -192,14 +197,6 @@ def _on_land(points: FloatArray, polygons: list[Polygon]) -> BoolArray:
         shapely.prepare(polygons[k])
         found |= shapely.intersects_xy(polygons[k], points)
     return found
-
-
-def _edges(polygons: list[Polygon]) -> tuple[FloatArray, FloatArray]:
-    """Return begin and end (e, 2) of the edges of polygons."""
-    rings = shapely.get_rings(np.array(polygons, dtype=object))
-    points, ring = shapely.get_coordinates(rings, return_index=True)
-    inside = np.diff(ring) == 0 if len(ring) else np.zeros(0, dtype=bool)
-    return for_kernels(points[:-1][inside]), for_kernels(points[1:][inside])
 
 
 def _step(table: CurrentTable, chart: Chart) -> float:
