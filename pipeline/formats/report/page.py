@@ -21,6 +21,7 @@ from pipeline.findings import choices, text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import MAX_STRAITS, RankedRoute, RunCase, RunResult, addressed
+from pipeline.findings.sentences import case_facts
 from pipeline.findings.text import environment
 from pipeline.formats import appearance
 from pipeline.formats.figures.chart_map import page_svg
@@ -41,7 +42,6 @@ from pipeline.formats.report.map_data import (
     place_on_map,
     within,
 )
-from pipeline.formats.report.sentences import CaseFacts
 from pipeline.formats.tables import haven_facts, haven_texts, tightest_place, tightest_text
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
@@ -325,22 +325,6 @@ def _choices(
     if ensemble is not None and case.routes:
         said, figure = choices.ensemble_text(case), fan_figure(ensemble, case.routes)
         yield "How sure", said, page_svg(figure, identity=f"{anchor}-fans", label=said[0])
-
-
-def case_facts(case: RunCase) -> CaseFacts | None:
-    """Gather the facts for a case's sentences; None without a route."""
-    if not case.routes:
-        return None
-    speeds = np.hypot(*arrows(case)[1].T)
-    return CaseFacts(
-        [one.metrics for one in case.routes],
-        float(speeds.mean()) if len(speeds) else 0.0,
-        case.measures.gap_shares,
-        case.measures.clock_worth,
-        case.side_bound,
-        case.lacks_current,
-        is_narrow=bool(case.measures.narrow),
-    )
 
 
 def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
