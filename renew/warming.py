@@ -24,6 +24,7 @@ from renew.inputs.current import (
     VaryingCurrent,
     as_field,
 )
+from renew.inputs.openings import OverLimit
 from renew.planner.fit import fitted_along
 from renew.planner.free_ways import CELLS, MARGINS, FreeWays, fine_roadmap
 from renew.planner.plan import planner_of
@@ -45,6 +46,7 @@ _START = (10.0, 10.0)
 _GOAL = (90.0, 90.0)
 _VESSEL = Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 _GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
+_STORM = OverLimit(box(60.0, 60.0, 75.0, 75.0), 40.0, 200.0, "waves", 2.0)
 
 
 def _as_grid(field: Callable[[Any], Any]) -> GriddedCurrent:
@@ -78,6 +80,7 @@ REHEARSALS: tuple[tuple[str, CurrentLike, dict[str, Any]], ...] = (
         VaryingCurrent([0.0, 400.0], [_GYRE, GyreCurrent(0.6, _SIDE, _SIDE)]),
         {"speed": (0.9, 1.3), "arrive_by": 120.0, "classes": 2},
     ),
+    ("weather over a limit", _GYRE, {"avoid": [_STORM]}),
     ("no way through", _GYRE, {"padding": 30.0}),
 )
 """Small plans: their descriptions, currents and options. Together they call every kernel with all
