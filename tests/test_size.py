@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_620, 28),
     "pipeline/scenario": (2_579, 36),
     "pipeline/serve": (1_484, 9),
-    "pipeline/sources": (10_197, 45),
+    "pipeline/sources": (10_487, 46),
     "pipeline/stages": (5_188, 15),
     "pipeline/voyage": (2_424, 9),
     "renew/bounds": (1_603, 8),
@@ -41,7 +41,7 @@ ROOMS = {
     "renew/vary": (1_825, 9),
     "renew/voyage": (769, 5),
 }
-MOST_FILES = 225
+MOST_FILES = 226
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (6, 24), "optimality_gap": (5, 12), "seasons?": (58, 533)}
 
