@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_124, 13),
     "pipeline/cli": (2_787, 6),
     "pipeline/findings": (3_914, 18),
-    "pipeline/formats": (7_595, 14),
+    "pipeline/formats": (7_607, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
     "pipeline/model": (1_450, 35),
