@@ -21,10 +21,11 @@ from pipeline.errors import PipelineError, StageError, one_line
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts
 from pipeline.findings.result import RunCase, RunResult, addressed
+from pipeline.findings.sentences import case_facts
 from pipeline.findings.text import capitalised, json_value
 from pipeline.formats.figures.map_marks import speed_limits
 from pipeline.formats.report.map_data import map_data
-from pipeline.formats.report.page import case_facts, shown_choices
+from pipeline.formats.report.page import shown_choices
 from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.machine.workers import Worker, WorkerEndedError, is_call_waiting, tell

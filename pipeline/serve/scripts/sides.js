@@ -1,7 +1,7 @@
 // What was found: a card for each side, with the reader's units; and two plans beside each other.
 
 import { button, make } from "./elements.js";
-import { SEASON_COLOURS, formatClearance, formatDecimals, formatDistance, formatFuel, formatTime } from "./map.js";
+import { SEASON_COLOURS, formatClearance, formatDecimals, formatDistance, formatTime } from "./map.js";
 
 // Kinds of file in the reader's words, by the ends of their names, in the order of their buttons.
 const KINDS = { ".gpx": "GPX", ".rtz": "RTZ", ".kml": "KML", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".grb": "GRIB of currents", ".nc": "NetCDF of currents", ".pdf": "Passage plan (PDF)", ".gpkg": "GeoPackage", ".csv": "CSV", ".zip": "Missions", ".toml": "Scenario" };
@@ -22,10 +22,10 @@ function facts(rows) {
 
 function figures(route, noGo) {
   return [
-    ["Fuel", route.excess > 0 ? `${formatFuel(route.fuel)} (+${percent(route.excess)})` : formatFuel(route.fuel)],
+    ["Fuel", route.excess > 0 ? `+${percent(route.excess)}` : "least"],
     ["Time", timeText(route.duration_s)],
     ["Length", formatDistance(route.length_m)],
-    ["Gap to the bound", gapText(route.gap)],
+    ["Better by at most", gapText(route.gap)],
     [`Clear of ${noGo}`, formatClearance(route.clearance_m)],
     ["Turns that met land", `${route.collisions} of ${route.trials.toLocaleString("en")}`],
   ];
@@ -73,8 +73,9 @@ export const best = (plan) => plan.sides.seasons.map((season) => season.routes[0
 export function comparison(plan, other) {
   const [ours, theirs] = [best(plan), best(other)];
   if (!ours || !theirs) return [];
-  const rows = [["Way", ours.way, theirs.way], ...figures({ ...ours, excess: 0 }, plan.sides.no_go).map(([name, value], i) => [name, value, figures({ ...theirs, excess: 0 }, other.sides.no_go)[i][1]])];
-  rows[1][2] += theirs.fuel === ours.fuel ? "" : ` (${theirs.fuel > ours.fuel ? "+" : "−"}${percent(Math.abs(theirs.fuel / ours.fuel - 1))})`;
+  const rows = [["Way", ours.way, theirs.way], ...figures(ours, plan.sides.no_go).map(([name, value], i) => [name, value, figures(theirs, other.sides.no_go)[i][1]])];
+  const more = theirs.fuel / ours.fuel - 1;
+  rows[1] = ["Fuel", "", `${more < 0 ? "−" : "+"}${percent(Math.abs(more))}`];
   const head = make("tr", {}, make("td", {}), make("th", { scope: "col" }, "This plan"), make("th", { scope: "col" }, "The other, dotted"));
   return [make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Two plans compared" },
     make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows.map(([name, ...values]) => make("tr", {},
