@@ -17,9 +17,9 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_470, 28),
     "pipeline": (1_124, 13),
-    "pipeline/cli": (2_787, 6),
+    "pipeline/cli": (2_794, 6),
     "pipeline/findings": (3_914, 18),
-    "pipeline/formats": (7_678, 14),
+    "pipeline/formats": (7_688, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
     "pipeline/model": (1_450, 35),

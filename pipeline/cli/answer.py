@@ -28,13 +28,15 @@ _DOUBTS = 6
 def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False) -> str:
     """Return the text that a run prints.
 
-    First the way to take, why, and how sure that is, for each case; then a table with the best
+    First the title, which says the places of a voyage as they were read; for each case the way to
+    take, why, and how sure that is; then a table with the best
     route on each side of the main island, without sides that are much dearer; then a line for each
     doubt. With `verbose` the reasons, choices and places follow. Lines are broken at `width`, in
     characters, if it is given.
     """
     result = outcome.result
-    lines = [line for case in result.cases for line in _way(case, outcome)]
+    lines = [outcome.scenario.title or outcome.scenario.name]
+    lines += [line for case in result.cases for line in _way(case, outcome)]
     told, chosen = _parted(result.choices)
     lines += [f"  {text.capitalised(line)}." for line in note_texts(told)]
     lines = wrapped("\n".join(lines), width).splitlines()
@@ -147,7 +149,12 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
         routes = f"route{'s' * (len(over) > 1)} {', '.join(map(str, sorted(over)))}"
         yield f"{routes}: over land of another shoreline (places: --verbose)"
     others = [note for note in result.unknowns if note not in (*crossed, *result.narrow_notes)]
-    told = {"current-used", "current-stands-in", "current-unknown"}
+    told = {
+        "current-used",
+        "current-stands-in",
+        "current-unknown",
+        *["still-water"] * bool(lacking),
+    }
     guesses = [note for note in dict.fromkeys(result.decisions) if note.kind not in told]
     yield from note_texts([note for note in (*guesses, *others) if note.kind not in told])
 
