@@ -3,8 +3,8 @@
 import { button, make } from "./elements.js";
 import { SEASON_COLOURS, formatClearance, formatDecimals, formatDistance, formatTime } from "./map.js";
 
-// Kinds of file in the reader's words, by the ends of their names, in the order of their buttons.
-const KINDS = { ".gpx": "GPX", ".rtz": "RTZ", ".kml": "KML", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".grb": "GRIB of currents", ".nc": "NetCDF of currents", ".pdf": "Passage plan (PDF)", ".gpkg": "GeoPackage", ".csv": "CSV", ".zip": "Missions", ".toml": "Scenario" };
+// Kinds of file in the reader's words, by the ends of their names.
+const KINDS = { "-all.gpx": "GPX, all ways", ".gpx": "GPX", ".rtz": "RTZ", ".kml": "KML", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".grb": "GRIB of currents", ".nc": "NetCDF of currents", ".pdf": "Passage plan (PDF)", ".gpkg": "GeoPackage", ".csv": "CSV", ".zip": "Missions", ".toml": "Scenario" };
 const DAY_S = 86400;
 
 const percent = (share) => `${formatDecimals(100 * share, 1)} %`;
@@ -63,7 +63,10 @@ function choice({ title, said, plot }) {
 /** Links to the files of a plan: the report, each file by its kind, and all together. */
 export function downloads(plan) {
   const link = (text, href, properties = { download: "" }) => make("a", { className: "button", href, ...properties }, text);
-  const kinds = Object.entries(KINDS).flatMap(([end, kind]) => plan.files.filter((name) => name.endsWith(end)).map((name) => link(kind, `/api/plan/${plan.id}/files/${encodeURIComponent(name)}`, { download: name, title: name })));
+  const kinds = plan.files.flatMap((name) => {
+    const found = Object.entries(KINDS).find(([end]) => name.endsWith(end));
+    return found ? [link(found[1], `/api/plan/${plan.id}/files/${encodeURIComponent(name)}`, { download: name, title: name })] : [];
+  });
   return [link("Open report", `/plan/${plan.id}/report.html`, { id: "report", target: "_blank", rel: "noopener" }), link("Download all files", `/api/plan/${plan.id}/files.zip`, { id: "download", download: "" }), ...kinds];
 }
 

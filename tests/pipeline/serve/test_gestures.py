@@ -14,7 +14,7 @@ from tests.pipeline.serve.conftest import Open
 from tests.pipeline.serve.test_page import fill, identity, on_map
 
 
-def middle(page: Page, shown: Locator) -> tuple[float, float]:
+def middle(shown: Locator) -> tuple[float, float]:
     """The middle of an element, scrolled into view."""
     shown.scroll_into_view_if_needed()
     box = shown.bounding_box()
@@ -45,7 +45,7 @@ def test_a_double_click_zooms_and_sets_nothing(open_page: Open) -> None:
     page = open_page()
     before = page.locator(".leaflet-control-scale-line").inner_text()
     way = [page.input_value("#start"), page.input_value("#goal")]
-    page.mouse.dblclick(*middle(page, page.locator("#map")))
+    page.mouse.dblclick(*middle(page.locator("#map")))
     expect(page.locator(".leaflet-control-scale-line")).not_to_have_text(before)
     page.wait_for_timeout(400)  # longer than a second click may take
     assert [page.input_value("#start"), page.input_value("#goal")] == way
@@ -62,7 +62,7 @@ def test_a_line_is_pulled_to_a_point_which_its_pin_removes(
     page = shown(open_page, planned)
     label = page.locator(".price-label", has_text="best")
     with page.expect_response("**/api/plan") as answer:
-        pull(page, middle(page, label), (0, 12))
+        pull(page, middle(label), (0, 12))
     expect(page.locator("#outcome.stale .card").first).to_be_attached()  # the old ones stay
     field = page.locator("#vias input")
     asked = server.state(answer.value.json()["id"])["request"]
@@ -78,7 +78,7 @@ def test_a_line_is_pulled_to_a_point_which_its_pin_removes(
 
 def test_changes_are_undone_and_all_is_cleared(open_page: Open, planned: dict[str, Any]) -> None:
     page = shown(open_page, planned)
-    pull(page, middle(page, pin(page, "Goal")), (0, -30))
+    pull(page, middle(pin(page, "Goal")), (0, -30))
     expect(page.locator("#goal")).not_to_have_value(VOYAGE["goal"])
     page.keyboard.press("Control+z")
     expect(page.locator("#goal")).to_have_value(VOYAGE["goal"])
@@ -99,9 +99,9 @@ def test_a_line_and_its_card_are_one(open_page: Open, planned: dict[str, Any]) -
         expect(chosen).to_have_class(re.compile(r"\bselected\b"))
         expect(other).not_to_have_class(re.compile(r"\bselected\b"))
     label = page.locator(".price-label", has_text="+")
-    page.mouse.move(*middle(page, label))
+    page.mouse.move(*middle(label))
     expect(second).to_have_class(re.compile(r"\bhovered\b"))
-    page.mouse.click(*middle(page, label))
+    page.mouse.click(*middle(label))
     expect(second).to_have_class(re.compile(r"\bselected\b"))
     expect(page.locator(".pin")).to_have_count(2)  # the click was none on the map
 
@@ -115,18 +115,18 @@ def test_across_180_degrees_nothing_is_torn_apart(open_page: Open) -> None:
     page.wait_for_timeout(300)
     box = page.locator("#map").bounding_box()
     assert box is not None
-    apart = middle(page, pin(page, "Goal"))[0] - middle(page, pin(page, "Start"))[0]
+    apart = middle(pin(page, "Goal"))[0] - middle(pin(page, "Start"))[0]
     assert 0.3 * box["width"] < apart < box["width"]
     page.get_by_text("Shut areas", exact=True).click()
     page.click("#draw")
-    before = middle(page, pin(page, "Start"))
+    before = middle(pin(page, "Start"))
     for x, y in ((0.45, 0.2), (0.55, 0.2), (0.55, 0.3)):
         on_map(page, x, y)
     page.click("#close-area")
     drawn = page.locator("path.shut").bounding_box()
     assert drawn is not None
     assert 0.08 * box["width"] < drawn["width"] < 0.12 * box["width"]
-    assert middle(page, pin(page, "Start"))[0] == pytest.approx(before[0], abs=1)
+    assert middle(pin(page, "Start"))[0] == pytest.approx(before[0], abs=1)
 
 
 def test_on_a_phone_a_finger_sets_the_way(open_page: Open) -> None:
@@ -144,15 +144,13 @@ def test_on_a_phone_a_finger_sets_the_way(open_page: Open) -> None:
 def test_a_fault_is_at_its_field_with_its_remedy(open_page: Open, server: Server) -> None:
     page = open_page()
     request = server.island()
-    answered = {
-        "faults": [
-            "start = [-40.0, 35.001] lies on land, or within the margin around it, 620 m from the "
-            "nearest water with a way out at [-39.99000, 35.00100]; move it there"
-        ]
-    }
+    fault = (
+        "start = [-40.0, 35.001] lies on land, or within the margin around it, 620 m from the "
+        "nearest water with a way out at [-39.99000, 35.00100]; move it there"
+    )
     fill(page, request)
     with page.expect_request("**/api/plan"):
-        page.route("**/api/plan", lambda route: route.fulfill(status=422, json=answered))
+        page.route("**/api/plan", lambda route: route.fulfill(status=422, json={"faults": [fault]}))
         page.click("#plan")
     expect(page.locator("#start")).to_be_focused()
     expect(page.locator("#start + .told")).to_contain_text("lies on land")
