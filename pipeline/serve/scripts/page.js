@@ -201,6 +201,9 @@ class Desk {
     this.mapped = id;
     const data = readData(await ask(`/api/plan/${id}/map`));
     if (this.plan?.id !== id) return;
+    // The first route of a check is the reader's; each other one has a colour and a price of its own.
+    const checked = data.seasons.filter((_, s) => this.plan.sides.seasons[s].checked);
+    for (const season of checked) season.routes.forEach((one, r) => Object.assign(one, { side: r, isSide: true, price: r ? "" : "yours" }));
     this.chart.turnTo(data.start[1]);
     this.chart.showAreas(this.form.areas);
     this.explorer.load(data);

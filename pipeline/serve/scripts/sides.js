@@ -40,6 +40,7 @@ export function sideCards(sides) {
     const colour = (route) => (sides.seasons.length > 1 ? s : bySide.indexOf(route)) % SEASON_COLOURS;
     const head = make("h3", { dir: "auto" }, season.title);
     if (season.failure) return [head, make("p", { className: "notice", dir: "auto" }, season.failure)];
+    if (season.checked) return [head, make("article", { className: "card side season0", "data-route": `${s}-0` }, make("h4", { className: "answer" }, "Your route"), ...season.checked.map((line) => make("p", { dir: "auto" }, line)))];
     const cards = bySide.map((route) => make("article",
       { className: `card side season${colour(route)} ${route.rank === 1 ? "chosen" : ""}`, "data-route": `${s}-${season.routes.indexOf(route)}` },
       make("h4", { className: "answer", dir: "auto" }, make("button", { type: "button", "data-select": `${s}-${season.routes.indexOf(route)}` }, route.way || `Route ${route.rank}`)),
@@ -88,7 +89,7 @@ export function comparison(plan, other) {
 /** A row of the list of plans. */
 export function planRow(plan, { isShown, isCompared, show, compare, rename, forget }) {
   const { request } = plan;
-  const name = make("input", { value: plan.title || `${request.start} to ${request.goal}`, maxLength: 100, "aria-label": "Name of the plan" });
+  const name = make("input", { value: plan.title || (request.route ? "Check of a route" : `${request.start} to ${request.goal}`), maxLength: 100, "aria-label": "Name of the plan" });
   name.addEventListener("change", () => rename(name.value));
   const what = [request.vessel || request.speed, request.month.join(", ") || request.depart, request.via.length ? `${request.via.length} via` : "", request.areas.length ? `${request.areas.length} shut` : ""].filter(Boolean).join(" · ");
   return make("li", {},
