@@ -39,6 +39,7 @@ from pipeline.formats.report.map_data import (
     coarser,
     json_for_script,
     map_data,
+    numbered_sides,
     place_on_map,
     within,
 )
@@ -301,7 +302,10 @@ def case_section(case: RunCase) -> dict[str, Any]:
         "said": said,
         "best": said and said.best,
         "remarks": _remarks(ranked[0]) if ranked else (),
-        "rows": _rows(ranked),
+        "rows": [
+            row | {"side": one["side"]}
+            for row, one in zip(_rows(ranked), numbered_sides(case), strict=True)
+        ],
         "gap_figure": case.gap_figure,
         "current_text": case.current_text,
         "rejected": _rejected(case),
@@ -314,16 +318,15 @@ def case_section(case: RunCase) -> dict[str, Any]:
         "tightest": tightest and tightest_text(case.case, tightest),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
-        "choices": list(_choices(case, found)),
+        "choices": list(shown_choices(case)),
         "speeds": found and (found.slowest, found.fastest),
     }
 
 
-def _choices(
-    case: RunCase, found: choices.SpeedTradeOff | None
-) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
+def shown_choices(case: RunCase) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
     """Yield title, sentences and plot of each choice: way kept, departure, speed, and side."""
     anchor, ensemble = f"season-{case.number + 1}", case.result.ensemble
+    found = choices.trade_off(case)
     if case.result.replanned is not None:
         yield "Planned again under way", choices.replanned_text(case.result.replanned), Markup()
     if (choice := case.departure_choice) is not None:
