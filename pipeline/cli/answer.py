@@ -1,5 +1,6 @@
 """A run's answer on a terminal: which way and how sure, the best way on each side, and doubts."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 from pipeline.cli.terminal import table, wrapped
@@ -21,6 +22,8 @@ _NAUTICAL_MILE_M = 1852.0
 _ANSWERS = frozenset(
     {"departure-chosen", "departure-in-mean", "speeds-chosen", "how-sure", "replanned"}
 )
+_LEAVE = re.compile(r"^Leave at [^:]+:\d\d(:\d\d)? UTC: ")
+_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 # Largest number of doubts that are printed without `--verbose`; the others are counted.
 _DOUBTS = 6
 
@@ -28,15 +31,19 @@ _DOUBTS = 6
 def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False) -> str:
     """Return the text that a run prints.
 
-    First the way to take, why, and how sure that is, for each case; then a table with the best
+    First the title, which says the places of a voyage as they were read; for each case the way to
+    take, why, and how sure that is; then a table with the best
     route on each side of the main island, without sides that are much dearer; then a line for each
     doubt. With `verbose` the reasons, choices and places follow. Lines are broken at `width`, in
     characters, if it is given.
     """
     result = outcome.result
-    lines = [line for case in result.cases for line in _way(case, outcome)]
-    told, chosen = _parted(result.choices)
-    lines += [f"  {text.capitalised(line)}." for line in note_texts(told)]
+    lines = [outcome.scenario.title or outcome.scenario.name]
+    lines += [line for case in result.cases for line in _way(case, outcome)]
+    told = [note for note in dict.fromkeys(result.choices) if note.kind in _ANSWERS]
+    # The first sentence answers the question, and the others are reasons; the hour stands above.
+    firsts = [_LEAVE.sub("", _SENTENCE_END.split(line)[0]) for line in note_texts(told)]
+    lines += [f"  {text.capitalised(line).removesuffix('.')}." for line in firsts]
     lines = wrapped("\n".join(lines), width).splitlines()
     lines += ["", *_sides(outcome, width)]
     doubts = [f"! {text.capitalised(doubt)}" for doubt in _doubts(outcome)]
@@ -44,7 +51,7 @@ def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False)
         doubts[_DOUBTS - 1 :] = [f"! And {len(doubts) - _DOUBTS + 1} more doubts: add --verbose"]
     lines += [""] * bool(doubts) + wrapped("\n".join(doubts), width).splitlines()
     if verbose:
-        lines += wrapped("\n".join(_details(outcome, chosen)), width).splitlines()
+        lines += wrapped("\n".join(_details(outcome)), width).splitlines()
     return "\n".join(lines)
 
 
@@ -147,7 +154,12 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
         routes = f"route{'s' * (len(over) > 1)} {', '.join(map(str, sorted(over)))}"
         yield f"{routes}: over land of another shoreline (places: --verbose)"
     others = [note for note in result.unknowns if note not in (*crossed, *result.narrow_notes)]
-    told = {"current-used", "current-stands-in", "current-unknown"}
+    told = {
+        "current-used",
+        "current-stands-in",
+        "current-unknown",
+        *["still-water"] * bool(lacking),
+    }
     guesses = [note for note in dict.fromkeys(result.decisions) if note.kind not in told]
     yield from note_texts([note for note in (*guesses, *others) if note.kind not in told])
 
@@ -186,13 +198,7 @@ def _of(names: Sequence[str], outcome: Outcome) -> str:
     return f" for {' and '.join(map(text.season_name, names))}"
 
 
-def _parted(choices: Sequence[Note]) -> tuple[list[Note], list[Note]]:
-    """Part notes on what was chosen into those that answer a question, and the others."""
-    told = [note for note in dict.fromkeys(choices) if note.kind in _ANSWERS]
-    return told, [note for note in dict.fromkeys(choices) if note.kind not in _ANSWERS]
-
-
-def _details(outcome: Outcome, chosen: Sequence[Note]) -> Iterator[str]:
+def _details(outcome: Outcome) -> Iterator[str]:
     """Yield what `--verbose` adds: reasons, choices, places, parts of gaps, and turns."""
     result = outcome.result
     unused = {
@@ -204,7 +210,7 @@ def _details(outcome: Outcome, chosen: Sequence[Note]) -> Iterator[str]:
         ("Over land of another chart:", note_texts(_crossed(outcome))),
         ("Currents NOT used:", sorted(unused)),
         ("Currents:", _used(outcome)),
-        ("Chosen:", note_texts(chosen)),
+        ("Chosen:", note_texts(dict.fromkeys(outcome.result.choices))),
         ("Turns:", _turns(outcome)),
         ("Islands:", _islands(outcome)),
         ("Gap:", _gaps(outcome)),

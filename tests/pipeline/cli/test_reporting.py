@@ -120,7 +120,7 @@ def test_the_answer_comes_first_then_the_sides_then_the_doubts(
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     said, table, doubts, written = result.stdout.split("\n\n")
-    assert re.match(r"(Go \w+ |The best route, ).*\d km \(", said)
+    assert re.match(r"(Go \w+ |The best route, ).*\d km \(", said.splitlines()[1])
     assert table.startswith("way ")
     assert len(table.splitlines()) == 2, "one class, one side"
     current, *others = doubts.splitlines()
