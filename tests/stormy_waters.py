@@ -24,7 +24,10 @@ LATENESS = 0.05
 _WIDE, _HIGH, _CELL, _STEP = 40_000.0, 30_000.0, 2_000.0, 1_800.0
 # Sea without a storm, m; seconds of the voyage without one, about.
 _CALM, _VOYAGE_S = 0.5, 12_500.0
-_PIECES = 2
+# A hard-over turn reaches two radii and the drift in its time; without that room a way would slip
+# between two cells that touch at a corner, m. The corners of a square lie in all cells it touches.
+_ROOM = 2.0 * VESSEL.turning_radius
+_SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,28 +91,34 @@ class StormyScene:
         return np.asarray(map_coordinates(self.waves, places, order=1, mode="nearest"))
 
     def is_open(self, points: FloatArray, times: FloatArray) -> BoolArray:
-        """Whether points (n, 2) are open to a vessel there on time at times (n,), early and late."""
+        """Whether points (n, 2) are open to a vessel at times (n,), also early and late."""
         since = times - self.departure
         early, late = times - LATENESS * since, times + LATENESS * since + VESSEL.turn_period
-        columns = np.clip(((points[:, 0] - self.x[0]) // _CELL).astype(int), 0, len(self.x) - 2)
-        rows = np.clip(((points[:, 1] - self.y[0]) // _CELL).astype(int), 0, len(self.y) - 2)
-        first = np.clip((early // _STEP).astype(int), 0, len(self.shut) - 1)
-        last = np.clip((late // _STEP).astype(int), 0, len(self.shut) - 1)
-        total = np.concatenate([np.zeros((1, *self.shut.shape[1:]), int), self.shut.cumsum(axis=0)])
-        return np.asarray(total[last + 1, rows, columns] == total[first, rows, columns])
+        first, last = (
+            np.clip((at // _STEP).astype(int), 0, len(self.shut) - 1) for at in (early, late)
+        )
+        total = np.pad(self.shut.cumsum(axis=0), ((1, 0), (0, 0), (0, 0)))
+        is_open = np.ones(len(points), dtype=bool)
+        for side in _SIDES:
+            columns, rows = (
+                np.clip((at // _CELL).astype(int), 0, len(axis) - 2)
+                for at, axis in zip((points + _ROOM * side).T, (self.x, self.y), strict=True)
+            )
+            is_open &= total[last + 1, rows, columns] == total[first, rows, columns]
+        return is_open
 
     def oracle(self, *, spacing: float = 500.0, radius: int = 7, waits: bool = True) -> float:
-        """Earliest arrival (s) over a grid's edges, with waits at its nodes; infinite without a way.
+        """Earliest arrival (s) over a grid's edges, with waits at its nodes; inf without a way.
 
-        A node has a label for each step of the clock (a minute) in which it is open; a label may
-        wait for the next one. At the start, as in a harbour, the vessel waits in any weather.
+        A node has a label for each spell in which it is open, and waits there for an edge to open.
+        At the start, as in a harbour, the vessel waits in any weather.
         """
         points, graph = grid_graph(
             self.chart, self.current, VESSEL, self.start, self.goal, spacing, radius=radius
         )
         graph = graph.tocsr()
         first, last = len(points) - 2, len(points) - 1
-        begin, end = self._open_spells(points, keeps_start=waits)
+        begin, end = self._open_spells(points)
         labels = np.full(begin.shape, math.inf)
         queue = [
             (max(self.departure, since), first, number)
@@ -141,11 +150,9 @@ class StormyScene:
                     heapq.heappush(queue, (time, head, number))
         return math.inf
 
-    def _open_spells(
-        self, points: FloatArray, *, keeps_start: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        """Begin and end (n, most), s, of the spells in which nodes are open; to half a minute."""
-        clock = np.arange(self.departure, self.times[-1], 30.0)
+    def _open_spells(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Begin and end (n, most), s, of the spells in which nodes are open; to a minute."""
+        clock = np.arange(self.departure, self.times[-1], 60.0)
         state = np.array(
             [self.is_open(np.broadcast_to(point, (len(clock), 2)), clock) for point in points]
         )
@@ -157,7 +164,6 @@ class StormyScene:
             begins = np.flatnonzero(change[node] == 1)
             begin[node, : len(begins)] = clock[begins]
             end[node, : len(begins)] = clock[np.flatnonzero(change[node] == -1) - 1]
-        del keeps_start
         return begin, end
 
     def _is_clear(
@@ -188,18 +194,13 @@ def stormy_scene(seed: int) -> StormyScene:
     for _ in range(rng.integers(1, 4)):
         share = rng.uniform(0.2, 0.8)
         place = start + share * (goal - start) + rng.normal(0, 2_000, 2)
-        angle, speed = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 3.0)
-        velocity = speed * np.array([np.cos(angle), np.sin(angle)])
+        course, speed = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 3.0)
+        velocity = speed * np.array([np.cos(course), np.sin(course)])
         size, top = rng.uniform(2_500, 7_000), rng.uniform(1.5, 4.0)
         for step, time in enumerate(times.tolist()):
             eye = place + velocity * (time - share * _VOYAGE_S)
             apart = np.hypot(x[None, :] - eye[0], y[:, None] - eye[1])
             waves[step] += top * np.exp(-((apart / size) ** 2) / 2)
-    flow: FloatArray = 0.5 * rng.normal(0, 0.4, 2)
+    u, v = rng.normal(0, 0.2, 2).tolist()
     chart = renew.Chart(box(0, 0, _WIDE, _HIGH), islands)
-    return StormyScene(chart, renew.UniformCurrent(*flow.tolist()), start, goal, times, x, y, waves)
-
-
-def _still(points: FloatArray) -> FloatArray:
-    """No current: edges are chosen by land alone."""
-    return np.zeros_like(points)
+    return StormyScene(chart, renew.UniformCurrent(u, v), start, goal, times, x, y, waves)

@@ -175,15 +175,24 @@ def limit_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) 
         for field in case.weather:
             always = [area for area in _of(case.areas, field) if area.is_always_shut]
             own = [area for area in _of(met, field) if not area.is_always_shut]
-            said: dict[str, Any] = {"name": field.name, "limit": field.limit, "unit": field.unit}
             if always:
-                said["most"] = max(area.most for area in always)
-                yield Note.of("over-limit-always", **said).about(case.name)
+                yield Note.of(
+                    "over-limit-always",
+                    name=field.name,
+                    limit=field.limit,
+                    unit=field.unit,
+                    most=max(area.most for area in always),
+                ).about(case.name)
             if own:
-                said["most"] = max(area.most for area in own)
-                said["begin"] = case.moment(min(area.begin for area in own))
-                said["until"] = case.moment(max(area.end for area in own))
-                yield Note.of("over-limit", **said).about(case.name)
+                yield Note.of(
+                    "over-limit",
+                    name=field.name,
+                    limit=field.limit,
+                    unit=field.unit,
+                    most=max(area.most for area in own),
+                    begin=case.moment(min(area.begin for area in own)),
+                    until=case.moment(max(area.end for area in own)),
+                ).about(case.name)
 
 
 def _of(areas: Sequence[Opening], field: LimitedField) -> list[OverLimit]:

@@ -35,7 +35,7 @@ from renew.voyage.voyage import Voyage
 # directions, as a way past a storm is followed as it is.
 _RESOLUTION = Resolution(5_000, 4)
 # Half the width of the tube of water close to a way, in cells of the roadmap.
-_TUBE = 3.0
+_TUBE = 1.5
 # Cells of the raster of hours to a cell of the roadmap, along either axis.
 _PER_CELL = 4
 # More seconds than any voyage lasts; a sum of it and a time is still exact to a second.
@@ -51,11 +51,20 @@ _SHORTEST = 60.0
 
 
 class Way(NamedTuple):
-    """A way: its points (n, 2), m; when the vessel comes to each, and when it leaves it (n,), s."""
+    """A way: its points (n, 2), m; when the vessel comes to each, and when it leaves it (n,), s.
+
+    Each is open `until` (n,), s.
+    """
 
     points: FloatArray
     arrive: FloatArray
     leave: FloatArray
+    until: FloatArray
+
+    @classmethod
+    def along(cls, path: FloatArray, times: FloatArray) -> "Way":
+        """Return the way along a path (n, 2), m, passed at times (n,), s."""
+        return cls(path, times, times, times)
 
     @property
     def waits(self) -> IntArray:
@@ -75,7 +84,7 @@ class Way(NamedTuple):
         arrive[0] = self.leave[first]
         leave = self.leave[of].copy()
         leave[-1] = arrive[-1]
-        return Way(self.points[of], arrive, leave)
+        return Way(self.points[of], arrive, leave, self.until[of])
 
     def passing(self, areas: Sequence[Opening], voyage: Voyage) -> frozenset[Opening]:
         """Return the areas that are shut when the way passes beside them, early or late."""
@@ -100,9 +109,9 @@ class Way(NamedTuple):
 def clock_way(planner: ClassPlanner, areas: Sequence[Opening], longest: float) -> Way | None:
     """Return the way that arrives first, with waits of up to `longest` (s) each; None without one.
 
-    It begins at the departure of the planner's problem. At its start, as in a harbour, the vessel
-    may wait whether that is shut or not; elsewhere only where its water stays open, and no current
-    is as strong as the vessel.
+    It begins at the departure of the planner's problem, and waits as late as it can. At its start,
+    as in a harbour, the vessel may wait whether that is shut or not; elsewhere only where its water
+    stays open, and no current is as strong as the vessel.
     """
     voyage, parts = planner.problem.voyage, list[Way]()
     departure = voyage.departure
@@ -139,16 +148,16 @@ def _part_way(
     arrive = labels.arrival[order]
     leave = np.append(labels.left[order[1:]], arrive[-1])
     arrive[0] = voyage.departure
-    return _waiting_early(Way(points, arrive, leave), labels.until[order], water)
+    return Way(points, arrive, leave, labels.until[order])
 
 
-def _waiting_early(way: Way, until: FloatArray, water: Stream) -> Way:
+def waiting_early(way: Way, voyage: Voyage) -> Way:
     """Return a way on which the vessel waits as early as it can, at best at the start.
 
-    The search lets it wait where it would meet shut water next. `until` (n,) is when each point is
-    shut again, s.
+    The search lets it wait where it would meet shut water next.
     """
-    points, leave, arrive = way.points, way.leave.copy(), way.arrive.copy()
+    points, leave, arrive, until = way.points, way.leave.copy(), way.arrive.copy(), way.until
+    water = Stream(voyage.table, voyage.polar, voyage.clock)
     for at in range(len(points) - 2, -1, -1):
         (ax, ay), (bx, by) = points[at], points[at + 1]
         later = min(leave[at + 1] - leg_time(ax, ay, bx, by, leave[at], water), until[at])
@@ -156,7 +165,7 @@ def _waiting_early(way: Way, until: FloatArray, water: Stream) -> Way:
             late = later + leg_time(ax, ay, bx, by, later, water)
             leave[at] = max(leave[at], later - max(0.0, late - leave[at + 1]))
         arrive[at + 1] = leave[at] + leg_time(ax, ay, bx, by, leave[at], water)
-    return Way(points, np.minimum(arrive, leave), leave)
+    return Way(points, np.minimum(arrive, leave), leave, until)
 
 
 def _can_hold(voyage: Voyage, points: FloatArray) -> BoolArray:
@@ -202,6 +211,8 @@ def _shut_hours(
     far = np.full(len(places), planner.options.min_width)
     if planner.options.is_adaptive:
         far = planner.problem.reach(places)
+    # A cell stands for all of its points.
+    far[len(nodes) :] += float(np.hypot(*step)) / 2
     tree = shapely.STRtree([area.polygon for area in areas])
     place, which = tree.query(shapely.points(places), predicate="dwithin", distance=far)
     spells = [area.hours(voyage.departure, voyage.departure + _HORIZON) for area in areas]

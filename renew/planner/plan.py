@@ -282,7 +282,7 @@ def _plan_along(request: Request, way: Way, delays: FloatArray) -> Plan | None:
         kept, met = without_meeting(plan, others, planner)
         best = _earlier(best, kept, closed, request)
         if kept.routes and kept.best.times[-1] <= plan.best.times[-1] + _GAIN:
-            way = Way(kept.best.path, kept.best.times, kept.best.times)
+            way = Way.along(kept.best.path, kept.best.times)
             closed = way.passing(request.areas, planner.problem.voyage)
         else:
             closed |= frozenset(met)

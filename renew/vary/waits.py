@@ -6,8 +6,9 @@ has classes, padding, turns and hours of its own. The roadmap's way is a little 
 that is planned, which would come too early: the wait lasts until the path itself meets no shut
 water.
 
-A vessel waits as early as it can. At the start, as in a harbour, it burns nothing. Elsewhere it
-holds its place in the current c, which takes α |c|ᵏ a second; nothing at anchor.
+A vessel waits as early as it can, unless that makes it later. At the start, as in a harbour, it
+burns nothing. Elsewhere it holds its place in the current c, which takes α |c|ᵏ a second; at anchor
+it would take nothing.
 """
 
 import math
@@ -17,7 +18,7 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import PlanningError, UnreachableError
-from renew.planner.clock_way import Way, clock_way
+from renew.planner.clock_way import Way, clock_way, waiting_early
 from renew.planner.plan import plan_beside, plan_request, planner_of
 from renew.request import Request
 from renew.results import Plan
@@ -90,7 +91,14 @@ def plan_waiting(request: Request, longest: float, *, tick: float = 10.0) -> Wai
     if plain is not None and not plain.parts[0].shut:
         return plain
     way = clock_way(planner_of(request), request.areas, longest)
-    found = None if way is None else _along(request, way, tick)
+    found: WaitingPlan | None = None
+    if way is not None:
+        found = _along(request, waiting_early(way, planner_of(request).problem.voyage), tick)
+        if found is None or found.arrival > way.arrive[-1]:
+            # Waits in more places keep closer to the hours of the way.
+            other = _along(request, way, tick)
+            if other is not None and (found is None or other.arrival < found.arrival):
+                found = other
     if found is None or (plain is not None and plain.arrival <= found.arrival):
         if plain is None and failure is not None:
             raise failure
