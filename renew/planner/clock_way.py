@@ -50,7 +50,7 @@ _SAME = 1e-3
 _SHORTEST = 60.0
 
 
-class Way(NamedTuple):
+class TimedWay(NamedTuple):
     """A way: its points (n, 2), m; when the vessel comes to each, and when it leaves it (n,), s.
 
     Each is open `until` (n,), s.
@@ -62,7 +62,7 @@ class Way(NamedTuple):
     until: FloatArray
 
     @classmethod
-    def along(cls, path: FloatArray, times: FloatArray) -> "Way":
+    def along(cls, path: FloatArray, times: FloatArray) -> "TimedWay":
         """Return the way along a path (n, 2), m, passed at times (n,), s."""
         return cls(path, times, times, times)
 
@@ -77,14 +77,14 @@ class Way(NamedTuple):
         cell = math.sqrt((xmax - xmin) * (ymax - ymin) / _RESOLUTION.cells)
         return shapely.buffer(shapely.LineString(self.points), _TUBE * cell)
 
-    def part(self, first: int, last: int) -> "Way":
+    def part(self, first: int, last: int) -> "TimedWay":
         """Return the part from one point to another, from leaving the first on."""
         of = slice(first, last + 1)
         arrive = self.arrive[of].copy()
         arrive[0] = self.leave[first]
         leave = self.leave[of].copy()
         leave[-1] = arrive[-1]
-        return Way(self.points[of], arrive, leave, self.until[of])
+        return TimedWay(self.points[of], arrive, leave, self.until[of])
 
     def passing(self, areas: Sequence[Opening], voyage: Voyage) -> frozenset[Opening]:
         """Return the areas that are shut when the way passes beside them, early or late."""
@@ -106,14 +106,14 @@ class Way(NamedTuple):
         )
 
 
-def clock_way(planner: ClassPlanner, areas: Sequence[Opening], longest: float) -> Way | None:
+def clock_way(planner: ClassPlanner, areas: Sequence[Opening], longest: float) -> TimedWay | None:
     """Return the way that arrives first, with waits of up to `longest` (s) each; None without one.
 
     It begins at the departure of the planner's problem, and waits as late as it can. At its start,
     as in a harbour, the vessel may wait whether that is shut or not; elsewhere only where its water
     stays open, and no current is as strong as the vessel.
     """
-    voyage, parts = planner.problem.voyage, list[Way]()
+    voyage, parts = planner.problem.voyage, list[TimedWay]()
     departure = voyage.departure
     for at in range(len(voyage.stops) - 1):
         part = planner.problem.with_voyage(voyage.part(at, departure))
@@ -122,12 +122,12 @@ def clock_way(planner: ClassPlanner, areas: Sequence[Opening], longest: float) -
             return None
         parts.append(way)
         departure = float(way.arrive[-1])
-    return Way(*(np.concatenate(of) for of in zip(*parts, strict=True)))
+    return TimedWay(*(np.concatenate(of) for of in zip(*parts, strict=True)))
 
 
 def _part_way(
     problem: Problem, planner: ClassPlanner, areas: Sequence[Opening], longest: float
-) -> Way | None:
+) -> TimedWay | None:
     """Return the way of a voyage without via points."""
     voyage = problem.voyage
     try:
@@ -148,10 +148,10 @@ def _part_way(
     arrive = labels.arrival[order]
     leave = np.append(labels.left[order[1:]], arrive[-1])
     arrive[0] = voyage.departure
-    return Way(points, arrive, leave, labels.until[order])
+    return TimedWay(points, arrive, leave, labels.until[order])
 
 
-def waiting_early(way: Way, voyage: Voyage) -> Way:
+def waiting_early(way: TimedWay, voyage: Voyage) -> TimedWay:
     """Return a way on which the vessel waits as early as it can, at best at the start.
 
     The search lets it wait where it would meet shut water next.
@@ -165,7 +165,7 @@ def waiting_early(way: Way, voyage: Voyage) -> Way:
             late = later + leg_time(ax, ay, bx, by, later, water)
             leave[at] = max(leave[at], later - max(0.0, late - leave[at + 1]))
         arrive[at + 1] = leave[at] + leg_time(ax, ay, bx, by, leave[at], water)
-    return Way(points, np.minimum(arrive, leave), leave, until)
+    return TimedWay(points, np.minimum(arrive, leave), leave, until)
 
 
 def _can_hold(voyage: Voyage, points: FloatArray) -> BoolArray:

@@ -35,7 +35,7 @@ from renew.errors import (
 from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.openings import Opening, OverLimit, polygons_of
 from renew.planner.classes import no_class_error, plan_classes
-from renew.planner.clock_way import Way, clock_way
+from renew.planner.clock_way import TimedWay, clock_way
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import (
     Problem,
@@ -234,7 +234,7 @@ _ROUNDS = 5
 _GAIN = 1.0
 
 
-def plan_beside(request: Request, way: Way, delays: FloatArray) -> Plan | None:
+def plan_beside(request: Request, way: TimedWay, delays: FloatArray) -> Plan | None:
     """Plan beside a way that leads past areas with hours; None without a route.
 
     Where the plan arrives later than the way, it is made again in the water close to the way alone:
@@ -252,7 +252,7 @@ def plan_beside(request: Request, way: Way, delays: FloatArray) -> Plan | None:
     return close
 
 
-def _plan_along(request: Request, way: Way, delays: FloatArray) -> Plan | None:
+def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | None:
     """Plan with the areas closed that are shut when a way passes beside them; None without a route.
 
     The path is a little shorter than the way, and would come too early where an area opens: the
@@ -282,7 +282,7 @@ def _plan_along(request: Request, way: Way, delays: FloatArray) -> Plan | None:
         kept, met = without_meeting(plan, others, planner)
         best = _earlier(best, kept, closed, request)
         if kept.routes and kept.best.times[-1] <= plan.best.times[-1] + _GAIN:
-            way = Way.along(kept.best.path, kept.best.times)
+            way = TimedWay.along(kept.best.path, kept.best.times)
             closed = way.passing(request.areas, planner.problem.voyage)
         else:
             closed |= frozenset(met)

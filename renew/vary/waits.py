@@ -18,7 +18,7 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import PlanningError, UnreachableError
-from renew.planner.clock_way import Way, clock_way, waiting_early
+from renew.planner.clock_way import TimedWay, clock_way, waiting_early
 from renew.planner.plan import plan_beside, plan_request, planner_of
 from renew.request import Request
 from renew.results import Plan
@@ -107,7 +107,7 @@ def plan_waiting(request: Request, longest: float, *, tick: float = 10.0) -> Wai
     return found
 
 
-def _along(request: Request, way: Way, tick: float) -> WaitingPlan | None:
+def _along(request: Request, way: TimedWay, tick: float) -> WaitingPlan | None:
     """Plan the parts of a way between its waits; None where one of them has no plan."""
     parts, waits = list[Plan](), list[Wait]()
     at, now = 0, request.departure
