@@ -30,7 +30,7 @@ function readSeries({ step, moves }) {
 function readRoute(route, stepM) {
   const read = { rank: route.rank, way: route.way };
   for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], stepM);
-  read.narrow = route.narrow.map((line) => readLine(line, stepM));
+  read.marked = route.marked.map(({ role, places }) => ({ role, places: readLine(places, stepM) }));
   read.soft = route.soft.map((ring) => readRing(ring, stepM));
   for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
     read[name] = readSeries(route[name]);
@@ -97,6 +97,7 @@ function readData() {
         ways: lines(season.havens.ways),
         stretches: season.havens.stretches.map(({ state, places }) => ({ state, places: readLine(places, stepM) })),
       },
+      nearBest: season.nearBest.map((ring) => readRing(ring, stepM)),
       routes: season.routes.map((route) => readRoute(route, stepM)),
     })),
   };
