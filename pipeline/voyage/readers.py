@@ -97,15 +97,6 @@ def read_padding_m(given: str | float) -> str | float:
     return read_clearance_m(given)
 
 
-def read_interval(given: str) -> str:
-    """Read a time such as '6h'; it stays a text, as a scenario has it."""
-    from pipeline.scenario.season import interval
-
-    if given:
-        interval(given)
-    return given
-
-
 def read_shortfall(given: str) -> str:
     """Read what to do where no way keeps the padding."""
     if given not in ("refuse", "least"):

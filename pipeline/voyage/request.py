@@ -20,7 +20,6 @@ from pipeline.voyage.readers import (
     read_charts,
     read_clearance_m,
     read_currents,
-    read_interval,
     read_members,
     read_months,
     read_name,
@@ -268,7 +267,6 @@ class VoyageRequest:
     adrift: Annotated[
         str,
         _limits(
-            read=read_interval,
             label="Off land without thrust, at least",
             example="6h",
             help="Least time that the current takes to carry a vessel without thrust to land, as "
@@ -473,25 +471,15 @@ def _faults_of_times(
                 f"{getattr(at, name)} {getattr(asked, name)} is not after {at.depart} "
                 f"{asked.depart}; give a later time"
             )
-    if asked.adrift and asked.depart and not asked.months and not _is_still(asked):
-        yield (
-            f"{at.adrift} needs currents that do not change on the way; give {at.months} in place "
-            f"of {at.depart}, or leave it out and read the hours adrift of each route"
-        )
     if asked.tide and not asked.depart:
         yield f"{at.tide} counts from the departure; add {at.depart} 2026-07-01T06:00Z"
-
-
-def _is_still(asked: SimpleNamespace) -> bool:
-    """Whether a voyage in still water is asked for."""
-    return tuple(map(str, asked.currents or ())) == STILL_WATER
 
 
 def _faults_of_months(
     asked: SimpleNamespace, at: SimpleNamespace, *, is_range: bool
 ) -> Iterator[str]:
     """Yield what is wrong between times and currents."""
-    is_still = _is_still(asked)
+    is_still = tuple(map(str, asked.currents or ())) == STILL_WATER
     needs_time = is_range or asked.tide
     if asked.depart and asked.months and not needs_time:
         yield f"{at.depart} and {at.months} both say when; leave one out"

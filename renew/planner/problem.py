@@ -81,8 +81,12 @@ class Problem:
         """Water from which a vessel without thrust is on land too soon; None without a limit."""
         if self.first:
             return self.first.adrift_water
-        limit, longest = self.options.adrift, self.options.adrift_ends
-        return AdriftWater.of(self.voyage, limit, longest) if limit else None
+        if not self.options.adrift:
+            return None
+        water = AdriftWater.of(self.voyage, self.options.adrift, self.options.adrift_ends)
+        if water.cramped is not None:
+            raise water.no_way(np.stack([water.cramped[0]] * 2))
+        return water
 
     @cached_property
     def triangulation(self) -> Triangulation:

@@ -74,7 +74,7 @@ def test_near_an_end_it_counts_from_where_it_can_be_had() -> None:
     assert 5_000 <= begin <= 1.3 * 5_000
     assert least < 3_100
     assert end == 0.0
-    with pytest.raises(renew.UnreachableError, match=r"within 3000.00 m of the start .*there a"):
+    with pytest.raises(renew.UnreachableError, match=r"kept within 3000.00 m of \(1000"):
         quay(current, adrift=LIMIT, adrift_ends=3_000.0)
 
 
@@ -97,7 +97,7 @@ def test_what_is_suggested_leaves_a_route() -> None:
     # A strait between two shores, which the current runs across.
     shores = [shapely.box(8_000, 12_000, 12_000, 20_000), shapely.box(8_000, 0, 12_000, 9_000)]
     chart = renew.Chart(EXTENT, shores)
-    with pytest.raises(renew.UnreachableError, match=r"all ways from .* on land too soon") as shut:
+    with pytest.raises(renew.UnreachableError, match="kept on any way from") as shut:
         renew.plan(chart, current, VESSEL, *ENDS, adrift=LIMIT)
     lower = suggested(shut.value)
     assert 4_000 <= lower <= 6_000
