@@ -340,5 +340,6 @@ def plan_options(
     that the options leave out is 0.
     """
     given = {**options.model_dump(exclude={"snap", "lanes"}), "clearance": options.clearance or 0.0}
-    given["adrift"] = interval(options.adrift).total_seconds() / scale if options.adrift else 0.0
+    if options.adrift is not None:
+        given["adrift"] = interval(options.adrift).total_seconds() / scale
     return renew.PlanOptions(**given, min_lateness=min_lateness)

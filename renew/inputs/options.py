@@ -86,10 +86,11 @@ class PlanOptions:
         What to do where no way keeps the padding: refuse the voyage, or keep as much of the padding
         as there is room for, and list each stretch without; see :attr:`renew.Route.shortfalls`. A
         clearance yields only as far as `narrow_share` lets it.
-    adrift : float
+    adrift : float, optional
         Time (s) that a vessel without thrust takes to land at least, from anywhere on a route, in a
-        current that does not change; 0: any. Classes that can't keep it are rejected. Where it
-        can't be had near start and goal, it counts from the first place to the last where it can.
+        current that does not change; any if left out. Classes that can't keep it are rejected.
+        Where it can't be had near start and goal, it counts from the first place to the last where
+        it can.
     adrift_ends : float
         How far from start and goal these places lie at most (m); else the voyage is refused.
 
@@ -116,7 +117,7 @@ class PlanOptions:
     min_lateness: float = field(default=0.0, metadata={"ge": 0})
     gap_to: float = field(default=0.0, metadata={"ge": 0, "lt": 1})
     shortfall: Shortfall = field(default="refuse")
-    adrift: float = field(default=0.0, metadata={"ge": 0})
+    adrift: float | None = field(default=None)
     adrift_ends: float = field(default=20_000.0, metadata={"ge": 0})
 
     def __post_init__(self) -> None:
@@ -173,7 +174,8 @@ class PlanOptions:
             if not is_one_of(value, words) and not is_length(value):
                 faults.append(f"{name} = {shown(value)} must be {metres}")
         for name, unit in (("clearance", "m"), ("adrift", "s"), ("adrift_ends", "m")):
-            if not is_length(value := getattr(self, name)):
+            value = getattr(self, name)
+            if not is_length(value) and not (name == "adrift" and value is None):
                 faults.append(f"{name} = {shown(value)} {unit} must be finite and at least 0")
         least, most = RANGES["narrow_share"].values()
         if not (is_number(self.narrow_share) and least <= self.narrow_share <= most):
@@ -212,7 +214,7 @@ class Changes(TypedDict, total=False):
     min_lateness: float
     gap_to: float
     shortfall: Shortfall
-    adrift: float
+    adrift: float | None
     adrift_ends: float
 
 

@@ -193,7 +193,7 @@ class Problem:
     @cached_property
     def without_adrift(self) -> "Problem":
         """The problem with the same classes, and more: as if no vessel lost its thrust."""
-        return Problem(self.voyage, replace(self.options, adrift=0.0))
+        return Problem(self.voyage, replace(self.options, adrift=None))
 
     def word(self, path: FloatArray) -> Word:
         """Return the word of a path's class."""

@@ -47,9 +47,6 @@ def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:
     assert taken.pop("distinct_by") == 0.0
     # Of an hour in all scenarios.
     assert taken.pop("min_lateness") == 0.0
-    # A time as text.
-    assert options.pop("adrift") is None
-    assert taken.pop("adrift") == 0.0
     assert plan_options(PlannerOptions(adrift="6h"), 10.0).adrift == 2_160.0
     # It moves a scenario's stops before there is a plan.
     assert options.pop("snap") == 0.0

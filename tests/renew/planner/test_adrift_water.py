@@ -33,7 +33,7 @@ def test_off_a_wall_it_keeps_the_drift_away() -> None:
     assert wide.path[:, 1].max() == pytest.approx(9_000 + 2_880, abs=60)
     off = renew.UniformCurrent(0.0, 0.4)
     bare, kept = (
-        renew.plan(chart, off, VESSEL, *ENDS, adrift=limit).best.fuel for limit in (0.0, 3_600.0)
+        renew.plan(chart, off, VESSEL, *ENDS, adrift=limit).best.fuel for limit in (None, 3_600.0)
     )
     assert kept == pytest.approx(bare, rel=1e-3)
 

@@ -18,7 +18,7 @@ def outside(water: shapely.Geometry, chart: renew.Chart, count: int) -> FloatArr
     places = shapely.line_interpolate_point(edge, along, normalized=True)
     points = shapely.get_coordinates(places)
     off = shapely.dwithin(chart.hard_no_go, places, 1.0) | shapely.intersects(water, places)
-    return points[~off & shapely.contains_xy(chart.extent, points)]
+    return np.asarray(points[~off & shapely.contains_xy(chart.extent, points)])
 
 
 @pytest.mark.parametrize(("along", "across"), [(0.0, 0.0), (0.5, 0.2), (-0.4, 0.3)])
