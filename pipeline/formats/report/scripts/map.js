@@ -380,7 +380,7 @@ class RouteMap {
     this.sheet.setStyle({ fillColor: colour("water") });
     for (const land of [this.beyond, this.land]) land.setStyle({ fillColor: colour("land"), color: colour("coast") });
     this.edge.setStyle({ color: colour("frame") });
-    this.nearBest.setStyle({ fillColor: this.seasonColour(this.choice.season), fillOpacity: 0.1 });
+    this.nearBest.setStyle({ fillColor: colour(this.role(this.choice.season, 0)), fillOpacity: 0.1 });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
     this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
     this.routes.forEach((lines, s) => lines.forEach((line, r) => line.setStyle({ color: colour(this.role(s, r)) })));
