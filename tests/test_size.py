@@ -25,7 +25,7 @@ ROOMS = {
     "pipeline/model": (1_461, 35),
     "pipeline/nightly": (3_620, 28),
     "pipeline/scenario": (2_587, 36),
-    "pipeline/serve": (1_648, 9),
+    "pipeline/serve": (1_710, 9),
     "pipeline/sources": (10_487, 46),
     "pipeline/stages": (5_205, 15),
     "pipeline/voyage": (2_509, 9),

@@ -33,6 +33,11 @@ function element(tag, className, text = "") {
   return made;
 }
 
+/** The place of a route that is closest to land; null if there is none. */
+function closestPlace({ clearance, places }) {
+  return clearance && places[clearance.indexOf(Math.min(...clearance))];
+}
+
 /** A scale bar in nautical miles. */
 const NauticalScale = L.Control.Scale.extend({
   _updateMetric(maxMetres) {
@@ -324,6 +329,8 @@ class RouteMap {
     const { places, excess, price } = routes[index];
     const others = routes.filter((one, r) => one.isSide && r !== index).flatMap((one) => one.places);
     const written = this.prices.getLayers().map((label) => label.getLatLng());
+    const closest = closestPlace(routes[this.choice.selected]);
+    if (closest) written.push(L.latLng(closest));
     const apart = places.map(([y, x]) => {
       const beside = written.map(({ lat, lng }) => Math.hypot(lat - y, lng - x) / 4);
       return Math.min(...others.map(([by, bx]) => Math.hypot(by - y, bx - x))) + Math.min(...this.data.size, ...beside);
@@ -339,9 +346,9 @@ class RouteMap {
     for (const place of route.shores) this.dot(place, { radius: 7, weight: 2, fill: false, shore: true }).addTo(this.shores);
     for (const place of route.turns) this.dot(place, { radius: 1.8, weight: 1, fillOpacity: 1, hit: false }).addTo(this.turns);
     for (const place of route.hits) this.dot(place, { radius: 5, weight: 2, fillOpacity: 1, hit: true }).addTo(this.turns);
-    if (route.clearance === null) return;
+    const place = closestPlace(route);
+    if (!place) return;
     const least = Math.min(...route.clearance);
-    const place = route.places[route.clearance.indexOf(least)];
     this.dot(place, { radius: 7, weight: 2, fill: false, ring: true }).addTo(this.closest);
     // Below the labels of start and goal.
     const ends = [this.data.start, ...this.data.via.map(([via]) => via), this.data.goal];
