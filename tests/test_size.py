@@ -15,35 +15,35 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_470, 28),
-    "pipeline": (1_124, 13),
+    "renew": (1_489, 28),
+    "pipeline": (1_125, 13),
     "pipeline/cli": (2_733, 6),
-    "pipeline/findings": (3_917, 18),
-    "pipeline/formats": (7_688, 14),
+    "pipeline/findings": (3_992, 18),
+    "pipeline/formats": (7_755, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
-    "pipeline/model": (1_450, 35),
+    "pipeline/model": (1_516, 36),
     "pipeline/nightly": (3_620, 28),
-    "pipeline/scenario": (2_579, 36),
-    "pipeline/serve": (1_648, 9),
-    "pipeline/sources": (10_487, 46),
-    "pipeline/stages": (5_188, 15),
-    "pipeline/voyage": (2_498, 9),
+    "pipeline/scenario": (2_686, 39),
+    "pipeline/serve": (1_710, 9),
+    "pipeline/sources": (10_539, 46),
+    "pipeline/stages": (5_530, 15),
+    "pipeline/voyage": (2_591, 9),
     "renew/bounds": (1_603, 8),
-    "renew/classes": (2_418, 14),
-    "renew/inputs": (2_164, 23),
+    "renew/classes": (2_426, 14),
+    "renew/inputs": (2_210, 24),
     "renew/kernels": (2_251, 18),
     "renew/paths": (1_843, 9),
-    "renew/planner": (3_424, 11),
+    "renew/planner": (4_273, 16),
     "renew/steering": (896, 1),
     "renew/turns": (1_663, 13),
-    "renew/underway": (2_312, 13),
-    "renew/vary": (1_825, 9),
-    "renew/voyage": (769, 5),
+    "renew/underway": (2_277, 13),
+    "renew/vary": (1_979, 11),
+    "renew/voyage": (936, 6),
 }
-MOST_FILES = 227
+MOST_FILES = 234
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (5, 11), "seasons?": (59, 536)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (5, 11), "seasons?": (60, 553)}
 
 
 def modules(room: str) -> dict[Path, str]:
