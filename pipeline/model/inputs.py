@@ -443,6 +443,12 @@ class Fetched:
     weather_keys: tuple[object, ...] = ()
 
     @property
+    def weather_credits(self) -> tuple[Credit, ...]:
+        """The sources of wind and waves, each once."""
+        every = (grid.credit for grids in self.weather.values() for grid in grids.values())
+        return tuple(dict.fromkeys(every))
+
+    @property
     def stand_in_notes(self) -> tuple[Note, ...]:
         """Notes that only name a current used in place of a first choice."""
         return of_cases({grid.case: grid.stand_in_notes for grid in self.currents})

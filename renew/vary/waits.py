@@ -25,6 +25,8 @@ from renew.results import Plan
 
 # Ticks by which a part may have to begin later than the way that leads it: its path is shorter.
 _LATER = np.concatenate([np.arange(60.0), np.arange(60.0, 1_080.0, 12.0)])
+# Time (s) that waits in more places have to save.
+_WORTH = 60.0
 # Largest number of parts: each wait is for one opening, and a voyage meets few.
 _MOST_PARTS = 8
 # Number of times in a wait at which the current is sampled.
@@ -94,10 +96,10 @@ def plan_waiting(request: Request, longest: float, *, tick: float = 10.0) -> Wai
     found: WaitingPlan | None = None
     if way is not None:
         found = _along(request, waiting_early(way, planner_of(request).problem.voyage), tick)
-        if found is None or found.arrival > way.arrive[-1]:
+        if found is None or found.arrival > way.arrive[-1] + _WORTH:
             # Waits in more places keep closer to the hours of the way.
             other = _along(request, way, tick)
-            if other is not None and (found is None or other.arrival < found.arrival):
+            if other is not None and (found is None or other.arrival < found.arrival - _WORTH):
                 found = other
     if found is None or (plain is not None and plain.arrival <= found.arrival):
         if plain is None and failure is not None:
