@@ -316,7 +316,8 @@ def _row(ranked: RankedRoute, unit_m: float) -> tuple[str, ...]:
         f"{row.length_m / unit_m:.1f}",
         text.days(row.duration_s) or text.hours(row.duration_s),
         kept,
-        text.number(row.fuel) if row.rank == 1 else f"{100 * more:+.1f} %",
+        # Without the vessel's power it is a share of the fuel in still water.
+        text.fuel(row.fuel, row).partition(" of ")[0] if row.rank == 1 else f"{100 * more:+.1f} %",
         f"{row.fuel_per_distance:.3f}",
         case.gap_figure(row) if math.isfinite(row.optimality_gap) else "-",
         f"{row.collisions}/{row.trials:,}" if row.has_land else "-",

@@ -509,8 +509,14 @@ def narrow_notes(ranked: RankedRoute) -> Iterator[Note]:
 
 
 def unsafe_notes(ranked: RankedRoute) -> Iterator[Note]:
-    """Yield a note on each stretch without room for a turn, and if a turn meets no-go elsewhere."""
+    """Yield notes: stretches without room for a turn, too little energy, other turns into no-go."""
     yield from narrow_notes(ranked)
+    energy = ranked.metrics.energy
+    if energy is not None and ranked.metrics.left_wh < 0:
+        needs = ranked.metrics.fuel * energy.units
+        yield Note.of(
+            "energy-short", rank=ranked.rank, needs=needs, has=energy.on_board, unit=energy.unit
+        )
     metrics, case, narrow = ranked.metrics, ranked.case, ranked.case.narrow(ranked.rank)
     if not metrics.collisions:
         return

@@ -21,7 +21,7 @@ from pipeline.errors import PipelineError, StageError, one_line
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts
 from pipeline.findings.result import RunCase, RunResult, addressed
-from pipeline.findings.text import capitalised, json_value
+from pipeline.findings.text import capitalised, fuel, json_value
 from pipeline.formats.report.page import case_facts
 from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
@@ -269,6 +269,7 @@ def _routes(case: RunCase) -> Iterator[dict[str, Any]]:
         passage = case.scenario.passage(case.name, round(row.duration_s))
         yield {
             **figures(row, "json"),
+            "fuel_text": fuel(row.fuel, row),
             "excess": row.fuel / case.routes[0].metrics.fuel - 1,
             "because": facts.because() if is_best else facts.why_dearer(row),
             "certainty": facts.certainty() if is_best else "",

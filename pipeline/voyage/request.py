@@ -499,7 +499,8 @@ def _faults_of_files(asked: SimpleNamespace, at: SimpleNamespace) -> Iterator[st
     if limits and not asked.havens:
         verb = "limit" if len(limits) > 1 else "limits"
         yield f"{', '.join(limits)} {verb} the way to a haven; add {at.havens} FILE"
-    if asked.havens and not limits:
+    power = asked.vessel and asked.vessel.power
+    if asked.havens and not limits and not (power and power.usable_j):
         yield f"{at.havens} needs a limit; add {at.within} 6h or {at.endurance} 2d, or both"
     if asked.current_variables and not asked.currents:
         yield f"{at.current_variables} are those of files; add {at.currents} FILE"

@@ -1,7 +1,7 @@
 // What was found: a card for each side, with the reader's units; and two plans beside each other.
 
 import { button, make } from "./elements.js";
-import { formatClearance, formatDecimals, formatDistance, formatFuel, formatTime } from "./text.js";
+import { formatClearance, formatDecimals, formatDistance, formatTime } from "./text.js";
 
 const SEASON_COLOURS = 6;
 const DAY_S = 86400;
@@ -21,7 +21,7 @@ function facts(rows) {
 
 function figures(route, noGo) {
   return [
-    ["Fuel", route.excess > 0 ? `${formatFuel(route.fuel)} (+${percent(route.excess)})` : formatFuel(route.fuel)],
+    ["Fuel", route.excess > 0 ? `${route.fuel_text} (+${percent(route.excess)})` : route.fuel_text],
     ["Time", timeText(route.duration_s)],
     ["Length", formatDistance(route.length_m)],
     ["Gap to the bound", gapText(route.gap)],

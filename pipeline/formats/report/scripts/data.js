@@ -28,7 +28,7 @@ function readSeries({ step, moves }) {
 
 /** A route with its places, and its profile along them. */
 function readRoute(route, stepM) {
-  const read = { rank: route.rank, way: route.way };
+  const read = { rank: route.rank, way: route.way, fuelUnit: route.fuelUnit };
   for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], stepM);
   read.narrow = route.narrow.map((line) => readLine(line, stepM));
   read.soft = route.soft.map((ring) => readRing(ring, stepM));
