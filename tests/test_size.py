@@ -17,16 +17,16 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_470, 28),
     "pipeline": (1_124, 13),
-    "pipeline/cli": (2_622, 6),
-    "pipeline/findings": (3_628, 17),
-    "pipeline/formats": (7_893, 15),
+    "pipeline/cli": (2_794, 6),
+    "pipeline/findings": (3_914, 18),
+    "pipeline/formats": (7_688, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
     "pipeline/model": (1_450, 35),
     "pipeline/nightly": (3_620, 28),
     "pipeline/scenario": (2_579, 36),
-    "pipeline/serve": (1_484, 9),
-    "pipeline/sources": (10_197, 45),
+    "pipeline/serve": (1_619, 9),
+    "pipeline/sources": (10_487, 46),
     "pipeline/stages": (5_188, 15),
     "pipeline/voyage": (2_424, 9),
     "renew/bounds": (1_603, 8),
@@ -41,9 +41,9 @@ ROOMS = {
     "renew/vary": (1_825, 9),
     "renew/voyage": (769, 5),
 }
-MOST_FILES = 224
+MOST_FILES = 226
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (6, 13), "seasons?": (57, 534)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (5, 12), "seasons?": (58, 533)}
 
 
 def modules(room: str) -> dict[Path, str]:

@@ -117,6 +117,7 @@ def run(
     explain_gap: options.ExplainGap = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
     limit: Annotated[
         float | None,
         typer.Option(
@@ -142,7 +143,7 @@ def run(
             limit_s=limit,
             origin=origin,
         )
-        run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet)
+        run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 @app.command(cls=options.Command)
@@ -154,6 +155,7 @@ def go(
     *,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
     **given: Any,  # noqa: ANN401 - the options of a voyage
 ) -> None:
     """Plan a voyage from START to GOAL; region, chart and currents are chosen and reported.
@@ -169,7 +171,7 @@ def go(
 
         scenario, notes = voyage_scenario(request)
         run = partial(run_or_keep, request, scenario, said=notes)
-        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
+        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 # What a route of one's own leaves open, or says itself.
@@ -279,6 +281,7 @@ def replan(
     *,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
+    verbose: options.Verbose = False,
     **given: Any,  # noqa: ANN401 - the options of a voyage under way
 ) -> None:
     """Plan the rest of a voyage again from where the vessel is, in a folder beside RESULTS.
@@ -300,7 +303,7 @@ def replan(
         scenario, notes = under_way_scenario(request, finished)
         beside = expanded(results, "RESULTS").absolute().parent
         run = partial(run_scenario, scenario, beside, offline=request.offline, said=notes)
-        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
+        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 app.add_typer(nightly_app, name="nightly")

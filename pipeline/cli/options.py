@@ -108,6 +108,15 @@ Quiet = Annotated[
         help="Print errors only: no progress, no notes, and no table at the end.",
     ),
 ]
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose",
+        "-v",
+        rich_help_panel="Output",
+        help="Print the reasons, what was chosen, turns and islands, too.",
+    ),
+]
 Json = Annotated[
     bool,
     typer.Option(

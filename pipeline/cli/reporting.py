@@ -5,25 +5,24 @@ Progress is a bar on a terminal, lines of text elsewhere, or lines of JSON.
 
 import contextlib
 import json
-import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import NoReturn
 
 import typer
 
+from pipeline.cli.answer import answer
 from pipeline.cli.terminal import (
     every,
     json_lines,
     log_event,
     progress_bar,
     say,
-    table,
     terminal_width,
 )
-from pipeline.findings import text
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import RankedRoute
@@ -51,12 +50,18 @@ _HEARTBEAT_S = 30.0
 
 @contextlib.contextmanager
 def progress(
-    scenario: Scenario, notes: Sequence[str] = (), *, quiet: bool = False, as_json: bool = False
+    scenario: Scenario,
+    notes: Sequence[str] = (),
+    *,
+    quiet: bool = False,
+    as_json: bool = False,
+    verbose: bool = False,
 ) -> Iterator[EventHandler]:
     """Report notes on the scenario to standard error, then yield the handler of events.
 
     With `as_json` each event is a line of JSON. With `quiet` nothing is reported here; errors are
-    reported at the end of the run.
+    reported at the end of the run. The stages' notes are reported with `verbose`, or as JSON: at
+    the end the answer has those that matter.
     """
     if quiet:
         yield ignore
@@ -65,7 +70,13 @@ def progress(
     with provider(scenario) as on_event:
         for note in (*notes, *_machine_notes()):
             on_event(Event("fetch", "note", detail=note))
-        yield on_event
+        yield on_event if verbose or as_json else partial(_but_notes, on_event)
+
+
+def _but_notes(on_event: EventHandler, event: Event) -> None:
+    """Pass an event on, unless it is a note of a stage."""
+    if event.note is None:
+        on_event(event)
 
 
 def _machine_notes() -> Iterator[str]:
@@ -179,13 +190,6 @@ class _State:
         }
 
 
-_HEAD = "season,rank,way,length {unit},duration,clearance,fuel,F/D,gap,turns"
-# Number of the first columns that are left-aligned.
-_LEFT_ALIGNED = 3
-# If the longest route is shorter than this, lengths are in metres, not kilometres.
-_SHORT_M = 10_000.0
-
-
 def run_to_end(
     run: Callable[..., Outcome],
     scenario: Scenario,
@@ -193,135 +197,24 @@ def run_to_end(
     *,
     as_json: bool,
     quiet: bool,
+    verbose: bool,
 ) -> NoReturn:
     """Run a scenario and show its progress; print the outcome, and exit with its code.
 
-    The outcome is a table or JSON; if `quiet`, only the failures are printed.
+    The outcome is text, with more details if `verbose`, or JSON; if `quiet`, only the failures are
+    printed.
     """
-    with progress(scenario, notes, quiet=quiet, as_json=as_json) as on_event:
+    with progress(scenario, notes, quiet=quiet, as_json=as_json, verbose=verbose) as on_event:
         outcome = run(on_event=on_event)
     if as_json:
         typer.echo(outcome_json(outcome))
     elif not quiet:
-        say(season_table(outcome, terminal_width()))
+        typer.echo(answer(outcome, terminal_width(), verbose=verbose))
         verb = "Written to" if outcome.fresh else "Unchanged in"
         typer.echo(f"\n{verb} {short_path(outcome.directory)} ({outcome.seconds:.1f} s)")
     for failure in outcome.failures:
         say(f"error: {failure}", err=True)
     raise typer.Exit(outcome.exit_code)
-
-
-def season_table(outcome: Outcome, width: int | None = None) -> str:
-    """Return the run's table: for each case the best route on each side of the main island.
-
-    Times of departure and routes over land of another chart stand above it; decisions and what is
-    not known, below. Ways are wrapped where the table is wider than `width`, in characters.
-    """
-    lengths = [ranked.metrics.length_m for ranked in outcome.result.routes]
-    unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
-    head = tuple(_HEAD.format(unit=unit).split(","))
-    rows: list[tuple[str, ...]] = [head]
-    passed: set[str] = set()
-    for case in outcome.result.cases:
-        if case.plan is None:
-            blank = ("",) * (len(head) - _LEFT_ALIGNED)
-            rows.append((text.season_name(case.name), "-", "not planned", *blank))
-            continue
-        seen: set[str] = set()
-        for ranked in case.routes:
-            row = ranked.metrics
-            if row.main_passage not in seen:
-                seen.add(row.main_passage)
-                passed.update(name for passage in row.passages for name in passage.islands)
-                rows.append(_row(ranked, 1.0 if unit == "m" else 1000.0))
-    result = outcome.result
-    crossed = [note for note in result.unknowns if note.kind == "second-shoreline"]
-    apart = {*crossed, *result.narrow_notes}
-    unknown = [note for note in result.unknowns if note not in apart]
-    lines = list(_passages(outcome))
-    lines += [f"OVER LAND of another chart: {line}\n" for line in note_texts(crossed)]
-    lines += [f"NARROW: {line}\n" for line in note_texts(result.narrow_notes)]
-    lines += table(rows, _LEFT_ALIGNED, width)
-    lines += ["", *_unused_currents(outcome), *_unknown_currents(outcome)]
-    for title, notes in (
-        ("Decided:", dict.fromkeys((*result.decisions, *result.choices))),
-        ("Not known:", unknown),
-    ):
-        lines += [title, *(f"- {line}" for line in note_texts(notes))] * bool(notes)
-    if places := [
-        f"{'island ' * (not island.name)}{island.label} at {island.place}"
-        for island in result.islands
-        if island.label in passed
-    ]:
-        lines.append(f"\nPassed: {'; '.join(places)}.")
-    no_go = outcome.fetched.land.no_go_name
-    lines += [
-        f"\n{text.season_name(case.name)}: {text.gap_text(case.measures.gap_shares, no_go)}"
-        for case in result.cases
-        if case.measures.gap_shares is not None
-    ]
-    rejected = sum(len(case.plan.rejected) for case in result.cases if case.plan is not None)
-    routes = text.count(len(result.routes), "route", "routes")
-    classes = text.count(rejected, "rejected class", "rejected classes")
-    reasons = f"; {classes}, with reasons" if rejected else ""
-    sides = "The best route on each side of the main island. " if passed else ""
-    lines.append(f"\n{sides}In report.html: {routes}{reasons}.")
-    return "\n".join(lines)
-
-
-def _passages(outcome: Outcome) -> Iterator[str]:
-    """Yield a line for each case with a departure: when its best route leaves and arrives."""
-    for ranked in outcome.result.routes:
-        name = ranked.case.name
-        passage = outcome.scenario.passage(name, round(ranked.metrics.duration_s))
-        if ranked.rank == 1 and passage is not None:
-            about = f"{name}: " if len(outcome.scenario.seasons) > 1 else ""
-            leave, arrive = text.exact_moment_text(passage[0]), text.moment_text(passage[1])
-            yield f"{about}Leave at {leave}, arrive at {arrive}.\n"
-
-
-def _unused_currents(outcome: Outcome) -> Iterator[str]:
-    """Yield one line on preferred currents that were not used, if there are any."""
-    unused: dict[str, list[str]] = {}
-    for grid in outcome.fetched.currents:
-        for _, reason in grid.passed_over:
-            unused.setdefault(reason, []).append(text.season_name(grid.case))
-    if unused:
-        reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
-        yield f"Currents NOT used: {'; '.join(reasons)}"
-
-
-def _unknown_currents(outcome: Outcome) -> Iterator[str]:
-    """Yield one line on the cases whose current is not known, if there are any."""
-    lacking = [case.name for case in outcome.result.cases if case.lacks_current]
-    if lacking:
-        several = len(outcome.fetched.currents) > 1
-        names = ", ".join(map(text.season_name, lacking)) if several else ""
-        about = f": {names}" if names else ""
-        yield f"Current NOT known{about}; nothing is proven for the real one"
-
-
-def _row(ranked: RankedRoute, unit_m: float) -> tuple[str, ...]:
-    """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns.
-
-    The case's best route has its fuel, each other route the percentage that it needs more.
-    """
-    row, case = ranked.metrics, ranked.case
-    more = row.fuel / case.routes[0].metrics.fuel - 1
-    kept = text.clearance(row.clearance_m) if row.has_land else "-"
-    return (
-        text.season_name(case.name),
-        str(row.rank),
-        row.way or "-",
-        f"{row.length_m / unit_m:.1f}",
-        text.days(row.duration_s) or text.hours(row.duration_s),
-        kept,
-        # Without the vessel's power it is a share of the fuel in still water.
-        text.fuel(row.fuel, row).partition(" of ")[0] if row.rank == 1 else f"{100 * more:+.1f} %",
-        f"{row.fuel_per_distance:.3f}",
-        case.gap_figure(row) if math.isfinite(row.optimality_gap) else "-",
-        f"{row.collisions}/{row.trials:,}" if row.has_land else "-",
-    )
 
 
 def outcome_json(outcome: Outcome) -> str:

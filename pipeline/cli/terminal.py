@@ -22,7 +22,9 @@ _MIN_WIDTH = 40
 # Least width of a table's wrapped column, in characters.
 _MIN_COLUMN = 16
 # The beginning of an entry of a list, whose further lines are indented.
-_ENTRY = re.compile(r"- |error: |note: ")
+_ENTRY = re.compile(r"- |! |  |error: |note: ")
+# The space between a figure and its unit, where no line is broken.
+_BEFORE_UNIT = re.compile(r"(?<=\d) (?=\S)")
 # Time between two lines that say that a command is still at work, s.
 _PAUSE_S = 30.0
 
@@ -44,12 +46,12 @@ def wrapped(text: str, width: int | None) -> str:
         return text
     return "\n".join(
         textwrap.fill(
-            line,
+            _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", line),
             width,
             subsequent_indent="  " if _ENTRY.match(line) else "",
             break_long_words=False,
             break_on_hyphens=False,
-        )
+        ).replace("\N{NO-BREAK SPACE}", " ")
         if len(line) > width
         else line
         for line in text.split("\n")

@@ -330,8 +330,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "there: the nearest is more than 10 km away by water, and no official levels reach so far. "
     "Routes keep off it; add a station, or give one a zone in a TOML file",
     "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
-    "unit-assumed": "{variable} has no unit: m/s is assumed",
-    "unit-converted": "{variable} is in {unit}: converted to m/s",
+    "unit-assumed": "{variable} has no unit: {assumed} is assumed",
+    "unit-converted": "{variable} is in {unit}: converted to {to}",
     "water-shut": "in {share:.1%} of the water the current is as fast as the vessel "
     "({speed_m_s:g} m/s) or faster, up to {most_m_s:at most} m/s at {place}: no route leads there",
     "water-shut-for-hours": _water_shut_for_hours,

@@ -27,7 +27,7 @@ COLOURS = {
     "frame": "#5c6b77",
     "halo": "#fdfefe",
     "best": "#c2185b",
-    "other": "#4d5f8f",
+    "other": "#47588a",
     "speed0": "#a9c6d9",
     "speed1": "#7dacce",
     "speed2": "#4a8fbe",
@@ -45,7 +45,7 @@ STATES = {
 
 DARK = {
     "water": "#14222e",
-    "land": "#6d5a3e",
+    "land": "#4a3d2a",
     "coast": "#b39365",
     "nogo": "#3b3a35",
     "shoal": "#3d5a47",
@@ -73,8 +73,8 @@ DARK = {
 }
 """Role -> colour on a dark background."""
 
-SEASON_COLOURS = ("#d55e00", "#4a148c", "#111111", "#4f7fd0", "#7e0000", "#006666")
-"""Colours of cases on a light background, in the scenario's order."""
+SEASON_COLOURS = ("#9d3c0e", "#4a148c", "#111111", "#1c52c0", "#651e07", "#6a526d")
+"""Colours of cases on a light background, in the scenario's order; of a single case's sides."""
 
 SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000", "#ff3399")
 """Colours of cases on a dark background, one for each of `SEASON_COLOURS`."""
@@ -111,16 +111,17 @@ def leaflet() -> str:
     return (_LEAFLET / "leaflet.js").read_text(encoding="utf-8")
 
 
-def own_script(name: str) -> str:
-    """Return one of our own files."""
-    return (_REPORT / "scripts" / f"{name}.js").read_text(encoding="utf-8")
+@cache
+def own_scripts() -> str:
+    """Return our own files, as one text."""
+    files = (_REPORT / "scripts" / f"{name}.js" for name in _SCRIPTS)
+    return "\n".join(file.read_text(encoding="utf-8") for file in files)
 
 
 @cache
 def script() -> str:
     """Return Leaflet, then our own files in one scope."""
-    own = "\n".join(map(own_script, _SCRIPTS))
-    return f'\n{leaflet()}\n(() => {{\n"use strict";\n{own}\n}})();\n'
+    return f'\n{leaflet()}\n(() => {{\n"use strict";\n{own_scripts()}\n}})();\n'
 
 
 @cache

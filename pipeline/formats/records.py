@@ -367,6 +367,8 @@ _NONE = 255
 _SURFACE = 1
 # Code of the unit of time.
 _HOURS = 1
+# Code of a step that takes two bytes.
+_LONG_STEP = 10
 # Flags of section 1: a grid's description and a bitmap follow.
 _HAS_GRID_AND_BITMAP = 0xC0
 # Flag of the grid: its steps are given.
@@ -405,12 +407,14 @@ def write_grib(case: RunCase, path: Path) -> None:
     lon, lat, lonlat, known = _nodes(case)
     xy = projection.to_plane(lonlat)
     with path.open("wb") as file:
-        for seconds in field.slice_times:
+        minutes = np.rint(np.asarray(field.slice_times) / 60).astype(int).tolist()
+        first = begin + timedelta(minutes=minutes[0])
+        for seconds, minute in zip(field.slice_times, minutes, strict=True):
             planar = field.velocity(xy, float(seconds))
             east_north = projection.rotate_to_lonlat(lonlat, planar)
-            time = begin + timedelta(minutes=round(float(seconds) / 60))
             for number, values in zip(_PARAMETERS, np.moveaxis(east_north, -1, 0), strict=True):
-                file.write(_message(number, time, lon, lat, values, known))
+                product = _product(number, first, minute - minutes[0])
+                file.write(_message(product, lon, lat, values, known))
 
 
 def has_grib(case: RunCase) -> bool:
@@ -443,8 +447,7 @@ def _axes_mdeg(grid: CurrentGrid) -> tuple[IndexArray, IndexArray]:
 
 
 def _message(
-    number: int,
-    time: datetime,
+    product: bytes,
     lon_mdeg: IndexArray,
     lat_mdeg: IndexArray,
     values: FloatArray,
@@ -453,7 +456,7 @@ def _message(
     """Encode a component (ny, nx), m/s, whose values are known at some nodes."""
     sections = b"".join(
         [
-            _product(number, time),
+            product,
             _grid_section(lon_mdeg, lat_mdeg),
             _bitmap(known),
             _data(values[known]),
@@ -463,11 +466,18 @@ def _message(
     return b"GRIB" + _whole(8 + len(sections), 3) + b"\1" + sections
 
 
-def _product(number: int, time: datetime) -> bytes:
-    """Encode what a field is: a component at the surface, at a time."""
-    century, year = divmod(time.year - 1, 100)
+def _product(number: int, first: datetime, minutes: int) -> bytes:
+    """Encode what a field is: a component at the surface, some minutes after the first field.
+
+    Plotters take the fields of one reference time for one forecast. Its steps are whole hours: a
+    field between them has a reference time of its own.
+    """
+    hours, rest = divmod(minutes, 60)
+    first += timedelta(minutes=rest)
+    century, year = divmod(first.year - 1, 100)
     fields = [_TABLE, _NONE, _NONE, _NONE, _HAS_GRID_AND_BITMAP, number, _SURFACE, 0, 0]
-    fields += [year + 1, time.month, time.day, time.hour, time.minute, _HOURS, 0, 0, 0, 0, 0, 0]
+    fields += [year + 1, first.month, first.day, first.hour, first.minute]
+    fields += [_HOURS, *divmod(hours, 256), _LONG_STEP if hours else 0, 0, 0, 0]
     return _section(bytes([*fields, century + 1, 0, 0, 0]))
 
 

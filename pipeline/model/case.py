@@ -166,7 +166,7 @@ class Energy(NamedTuple):
     """What a unit of the planner's fuel is where the vessel's power is known, and what is on board.
 
     `unit` is "Wh", or "L" of fuel from a tank; a unit of the planner's fuel is `units` of it, and
-    `wh` Wh. `on_board`, in that unit, is what a plan may use, NaN if it is not known.
+    `wh` Wh. `on_board`, planner's units, is what a plan may use, NaN if it is not known.
     """
 
     unit: str
@@ -238,7 +238,7 @@ class Case:
         if self.before is not None:
             usable += scale * self.vessel.fuel_rate * float(self.before.plan.best.times[0])
         unit = "Wh" if power.tank_l is None else "L"
-        return Energy(unit, scale / power.unit_j, scale / 3600, usable / power.unit_j)
+        return Energy(unit, scale / power.unit_j, scale / 3600, usable / scale)
 
     @property
     def stops(self) -> FloatArray:

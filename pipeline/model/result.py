@@ -131,11 +131,14 @@ class RouteMetrics:
         return math.nan if self.energy is None else self.fuel * self.energy.wh
 
     @property
+    def left(self) -> float:
+        """Fuel left at the goal, over the reserve, planner's units; NaN where it is not known."""
+        return math.nan if self.energy is None else self.energy.on_board - self.fuel
+
+    @property
     def left_wh(self) -> float:
-        """Energy left at the goal, over the reserve, Wh; NaN where it is not known."""
-        if self.energy is None:
-            return math.nan
-        return self.energy.on_board * self.energy.wh / self.energy.units - self.energy_wh
+        """The same as energy, Wh."""
+        return math.nan if self.energy is None else self.left * self.energy.wh
 
     @property
     def way(self) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import uvicorn
-from fastapi import FastAPI, Path as InPath, Query, Request
+from fastapi import Body, FastAPI, Path as InPath, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
@@ -54,6 +54,7 @@ _TILE_S = 86_400
 _HERE = Path(__file__).parent
 # A name that a script of the report defines at its top level.
 _DEFINED = re.compile(r"^(?:async )?(?:function|class|const) (\w+)", re.MULTILINE)
+_Title = Annotated[str, Body(max_length=100)]
 
 REPORT_POLICY = (
     f"sandbox allow-scripts allow-popups; default-src 'none'; "
@@ -164,6 +165,7 @@ def make_app(keys: Keys, plans: Plans, files: GivenFiles) -> FastAPI:
     _add_errors(app)
     _add_names(app)
     _add_plans(app, plans, files)
+    _add_kept(app, plans)
     _add_results(app, plans)
     _add_given(app, files)
     _add_pages(app)
@@ -235,7 +237,7 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         f"/static/{path.name}": path.read_text("utf-8")
         for path in sorted((_HERE / "scripts").glob("*.js"))
     }
-    text = appearance.own_script("text")
+    shared = appearance.own_scripts()
     files = {
         "/": templates.get_template("plan.html.jinja").render(
             options={option.field: option for option in ASKED}
@@ -243,8 +245,8 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
         "/static/leaflet.js": appearance.leaflet(),
-        # Made a module: its definitions are exported.
-        "/static/text.js": f"{text}\nexport {{ {', '.join(_DEFINED.findall(text))} }};\n",
+        # The report's own scripts, made a module: their definitions are exported.
+        "/static/map.js": f"{shared}\nexport {{ {', '.join(_DEFINED.findall(shared))} }};\n",
         **own,
     }
     return {path: content.encode() for path, content in files.items()}
@@ -319,13 +321,37 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
         return _unknown() if plan is None else state_of(plans, plan)
 
     @app.delete("/api/plan/{identity}", response_model=None)
-    async def cancel(identity: _Identity) -> dict[str, Any] | Response:
-        """Cancel a plan that waits or is at work."""
+    async def cancel(identity: _Identity, *, forget: bool = False) -> dict[str, Any] | Response:
+        """Cancel a plan that waits or is at work; `forget` it, too: its files stay."""
         plan = plans.get(identity)
         if plan is None:
             return _unknown()
         plans.cancel(plan)
+        if forget:
+            plans.forget(plan)
         return state_of(plans, plan)
+
+
+def _add_kept(app: FastAPI, plans: Plans) -> None:
+    """Serve what is kept of plans: their names, and what the map draws."""
+
+    @app.put("/api/plan/{identity}/title", response_model=None)
+    async def entitle(identity: _Identity, title: _Title) -> dict[str, Any] | Response:
+        """Give a plan a name for the list of plans."""
+        plan = plans.get(identity)
+        if plan is None:
+            return _unknown()
+        plan.title = title
+        plans.keep(plan)
+        return _brief(plan)
+
+    @app.get("/api/plan/{identity}/map", response_model=None)
+    async def drawn(identity: _Identity) -> Response:
+        """What the page's map draws of a plan, once its state says `has_map`."""
+        plan = plans.get(identity)
+        if plan is None or not plan.has_map:
+            return _unknown()
+        return FileResponse(plans.map_file(plan), media_type="application/json")
 
 
 def _unknown() -> Response:
@@ -339,6 +365,7 @@ def _brief(plan: AskedPlan) -> dict[str, Any]:
         "id": plan.id,
         "state": plan.state,
         "name": plan.name,
+        "title": plan.title,
         "asked_at": plan.asked_at,
         "request": plan.request.model_dump(mode="json"),
     }
@@ -349,11 +376,13 @@ def state_of(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
     return {
         **_brief(plan),
         "command": plans.command(plan),
+        "before": plans.number_before(plan),
         "stages": plan.stages,
         "detail": plan.detail,
         "notes": plan.notes,
         "drafts": [] if plan.sides else plan.drafts,
         "sides": plan.sides,
+        "has_map": plan.has_map,
         "faults": plan.faults,
         "files": plan.files,
         "seconds": round(plan.seconds, 2),

@@ -1,7 +1,8 @@
 """The plans of a server, and what a page or a program may ask for.
 
 A request has the options of `renew go`, but never a path: files that it gives are streamed to the
-disk, and only workers open them. Plans wait, are at work, or have ended; they outlive the page.
+disk, and only workers open them. Plans wait, are at work, or have ended; they outlive the page, and
+those that ended outlive the server.
 """
 
 import asyncio
@@ -14,6 +15,7 @@ import time
 import uuid
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -63,8 +65,9 @@ class GivenFiles:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._files: dict[str, Path] = {}
-        self._bytes = 0  # of all files
+        # Also those that an earlier server was given: a plan of that time names them.
+        self._files = {path.parent.name: path for path in folder.glob(f"{'?' * _ID_DIGITS}/*")}
+        self._bytes = 0  # of all files that this server was given
 
     def path(self, name: str, key: str) -> Path:
         """Return the path of a file by its id; `key` says who names it.
@@ -285,14 +288,22 @@ _MAX_IDLE_BYTES = 700_000_000
 _LIVE = {"waiting", "running"}
 # Name of the work that prepares a voyage, beside the ids of plans.
 _PREPARING = "preparing"
+# Folder, inside the output folder, of the plans that ended.
+_KEPT = ".plans"
+# What a file there has of a plan, besides its request.
+_RECORDED = (
+    *("id", "state", "name", "title", "options", "notes", "sides", "has_map", "faults", "files"),
+    *("asked_at", "seconds"),
+)
 
 
 @dataclass
 class AskedPlan:
     """A plan: its request, and how far it has come.
 
-    `stages` are those begun, in order; `detail` is what happens in the last. `drafts` are the ways
-    found while it is planned, and `sides` its routes, before its `files` are written.
+    `title` is the user's name for it. `stages` are those begun, in order; `detail` is what happens
+    in the last. `drafts` are the ways found while it is planned, and `sides` its routes, before its
+    `files` are written; `is_found` is set once it has sides, or ended.
     """
 
     request: PlanRequest
@@ -300,11 +311,13 @@ class AskedPlan:
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     state: State = "waiting"
     name: str = ""
+    title: str = ""
     stages: list[str] = field(default_factory=list)
     detail: str = ""
     notes: list[str] = field(default_factory=list)
     drafts: list[list[list[float]]] = field(default_factory=list)
     sides: dict[str, Any] | None = None
+    has_map: bool = False
     faults: list[str] = field(default_factory=list)
     directory: Path | None = None
     files: list[str] = field(default_factory=list)
@@ -312,6 +325,12 @@ class AskedPlan:
     begun: float = 0.0
     seconds: float = 0.0
     version: int = 0
+    is_found: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def kept(self) -> dict[str, Any]:
+        """Return what is kept of it on the disk once it ended."""
+        values = {name: getattr(self, name) for name in _RECORDED}
+        return {**values, "request": self.request.model_dump(mode="json")}
 
     def take(self, event: Mapping[str, Any]) -> None:
         """Take in an event of the worker."""
@@ -330,6 +349,7 @@ class AskedPlan:
                     self.drafts.append(event["line"])
             case "sides":
                 self.sides = {key: value for key, value in event.items() if key != "event"}
+                self.is_found.set()
             case "failed":
                 self.fail(event["faults"])
             case "done":
@@ -340,6 +360,7 @@ class AskedPlan:
         """End the plan without results."""
         self.version += 1
         self.state, self.faults = state, faults
+        self.is_found.set()
 
     def _progress(self, event: Mapping[str, Any]) -> None:
         """Take in an event of a stage."""
@@ -370,7 +391,8 @@ class Plans:
         self._pairs = [
             (ServingWorker(memory_bytes), ServingWorker(memory_bytes)) for _ in range(workers)
         ]
-        self._plans: dict[str, AskedPlan] = {}
+        self._kept = output / _KEPT
+        self._plans = {plan.id: plan for plan in _read_plans(self._kept, output)}
         # Plans in their order; None stands for preparing the voyage in `_ahead`.
         self._waiting: asyncio.Queue[AskedPlan | None] = asyncio.Queue()
         self._ahead: Mapping[str, Any] | None = None
@@ -419,8 +441,33 @@ class Plans:
         # The oldest plans that ended are forgotten; their results stay on the disk.
         ended = [known.id for known in self._plans.values() if known.state not in _LIVE]
         for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
-            del self._plans[identity]
+            self.forget(self._plans[identity])
         return plan
+
+    def keep(self, plan: AskedPlan) -> None:
+        """Write a plan that ended, for the server after this one."""
+        if plan.id in self._plans and plan.state not in _LIVE:
+            with contextlib.suppress(OSError):  # it is gone with this server
+                self._kept.mkdir(parents=True, exist_ok=True)
+                write_whole(self._kept / f"{plan.id}.json", json.dumps(plan.kept()))
+
+    def forget(self, plan: AskedPlan) -> None:
+        """Forget a plan that ended; its files stay."""
+        del self._plans[plan.id]
+        for path in (self._kept / f"{plan.id}.json", self.map_file(plan)):
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+
+    def map_file(self, plan: AskedPlan) -> Path:
+        """Return the path of what the page's map draws of a plan."""
+        return self._kept / f"{plan.id}.map"
+
+    def number_before(self, plan: AskedPlan) -> int:
+        """Return how many plans come before one that waits."""
+        if plan.state != "waiting":
+            return 0
+        live = [one.id for one in self._plans.values() if one.state in _LIVE]
+        return live.index(plan.id)
 
     def prepare(self, options: Mapping[str, Any]) -> None:
         """Make a voyage's land and currents ready, unless a worker has something else to do."""
@@ -450,30 +497,43 @@ class Plans:
                 task.cancel()
 
     async def _serve(self, worker: ServingWorker, spare: ServingWorker) -> None:
-        """Plan with a worker, one plan after the other; the spare one takes over if it was killed.
+        """Plan with a worker, one plan after the other.
 
-        So the plan after a cancelled one begins at once, and only one of the two holds a chart.
+        The spare one takes over if it was killed, or still writes the files of a plan: so the next
+        plan begins at once.
         """
-        await self._started(worker)
-        starting = asyncio.create_task(self._started(spare))
+        work = asyncio.create_task(asyncio.sleep(0))
+        await self._rested(worker, work)
+        resting = asyncio.create_task(self._rested(spare, work))
         while True:
             plan = await self._waiting.get()
+            if not work.done() or not worker.is_running:
+                await resting
+                worker, spare = spare, worker
+                resting = asyncio.create_task(self._rested(spare, work))
+            # It may have been cancelled meanwhile.
             if self._ahead is None if plan is None else plan.state != "waiting":
                 continue
             job = self._prepare(worker) if plan is None else self._plan(worker, plan)
             name = _PREPARING if plan is None else plan.id
             work = self._work[name] = asyncio.create_task(job)
-            await asyncio.wait([work])
-            self._work.pop(name, None)
-            if worker.resident_bytes > _MAX_IDLE_BYTES:
-                worker.kill()
-            if not worker.is_running:
-                worker, spare = spare, worker
-                await starting
-                starting = asyncio.create_task(self._started(spare))
+            work.add_done_callback(partial(self._ended, name))
+            found = asyncio.create_task(_never() if plan is None else plan.is_found.wait())
+            await asyncio.wait([work, found], return_when=asyncio.FIRST_COMPLETED)
+            found.cancel()
 
-    async def _started(self, worker: ServingWorker) -> None:
-        """Start a worker; if that fails, the plan that needs it tries again, and reports why."""
+    def _ended(self, name: str, _: asyncio.Task[None]) -> None:
+        """Forget a work that ended."""
+        self._work.pop(name, None)
+
+    async def _rested(self, worker: ServingWorker, work: asyncio.Task[None]) -> None:
+        """Wait for the end of a worker's work, and have it ready for other.
+
+        If it can't be started, the plan that needs it tries again, and reports why.
+        """
+        await asyncio.wait([work])
+        if worker.resident_bytes > _MAX_IDLE_BYTES:
+            worker.kill()
         with contextlib.suppress(PipelineError):
             await worker.start()
 
@@ -483,6 +543,8 @@ class Plans:
         plan.version += 1
         try:
             async for event in worker.plan(self._asked(plan.options), self._limit_s):
+                if event["event"] == "map":
+                    plan.has_map = self._is_map_kept(plan, event["json"])
                 plan.take(event)
         except PipelineError as error:
             plan.fail(str(error).splitlines())
@@ -492,6 +554,16 @@ class Plans:
         finally:
             if plan.state in _LIVE:
                 plan.fail(["the plan ended unexpectedly; ask for it again"])
+            self.keep(plan)
+
+    def _is_map_kept(self, plan: AskedPlan, drawn: str) -> bool:
+        """Write what the map draws of a plan; without room on the disk the page draws none."""
+        try:
+            self._kept.mkdir(parents=True, exist_ok=True)
+            write_whole(self.map_file(plan), drawn)
+        except OSError:
+            return False
+        return True
 
     async def _prepare(self, worker: ServingWorker) -> None:
         """Prepare a voyage with a worker."""
@@ -510,3 +582,23 @@ class Plans:
         """Return the argument of `answer_request`, for a worker."""
         where = {"output": str(self.output), "offline": self._offline}
         return {"options": options, "prepares": prepares, **where}
+
+
+def _read_plans(folder: Path, output: Path) -> list[AskedPlan]:
+    """Read the plans that an earlier server kept, the earliest first; damaged ones are left out."""
+    plans = []
+    for path in folder.glob("*.json"):
+        with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
+            kept = json.loads(path.read_bytes())
+            if any("/" in name for name in (kept["name"], *kept["files"])):
+                continue
+            given = {"id": path.stem, "request": PlanRequest(**kept["request"])}
+            plan = AskedPlan(**kept | given)
+            plan.directory = output / plan.name if plan.files else None
+            plans.append(plan)
+    return sorted(plans, key=lambda plan: plan.asked_at)[-_MAX_KEPT:]
+
+
+async def _never() -> None:
+    """Wait for ever."""
+    await asyncio.get_running_loop().create_future()

@@ -21,8 +21,11 @@ from pipeline.errors import PipelineError, StageError, one_line
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts
 from pipeline.findings.result import RunCase, RunResult, addressed
+from pipeline.findings.sentences import case_facts
 from pipeline.findings.text import capitalised, fuel, json_value
-from pipeline.formats.report.page import case_facts
+from pipeline.formats.figures.map_marks import speed_limits
+from pipeline.formats.report.map_data import map_data
+from pipeline.formats.report.page import shown_choices
 from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.machine.workers import Worker, WorkerEndedError, is_call_waiting, tell
@@ -169,7 +172,7 @@ def _plan(asked: Mapping[str, Any]) -> None:
             said=notes,
             on_event=_tell_event,
             on_step=_tell_step,
-            on_result=lambda result: _tell({"event": "sides", **sides(result)}),
+            on_result=_tell_result,
         )
     except PipelineError as error:
         _tell({"event": "failed", "faults": without_secrets(str(error)).splitlines()})
@@ -231,6 +234,13 @@ def drawn(path: FloatArray) -> list[list[float]]:
     return shown
 
 
+def _tell_result(result: RunResult) -> None:
+    """Send the sides, then what the map draws of them."""
+    _tell({"event": "sides", **sides(result)})
+    drawn = map_data(result, speed_limits(result), on_globe=True)
+    tell({"event": "map", "json": json.dumps(drawn, separators=(",", ":"), allow_nan=False)})
+
+
 def sides(result: RunResult) -> dict[str, Any]:
     """Return each case's routes with their figures and sentences.
 
@@ -249,6 +259,10 @@ def sides(result: RunResult) -> dict[str, Any]:
                 "title": case.title,
                 "failure": case.result.failure,
                 "routes": list(_routes(case)),
+                "choices": [
+                    {"title": title, "said": said, "plot": str(plot)}
+                    for title, said, plot in shown_choices(case)
+                ],
             }
             for case in result.cases
         ],

@@ -25,6 +25,7 @@ from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.projection import EARTH_RADIUS_M
 from pipeline.model import Note
 from pipeline.sources.current_field import Field, LandMask, find_shift
+from pipeline.sources.quantities import Quantity
 
 # Limits of the root mean square speed of moving water: (least width and height of the field in
 # degrees to which the limits apply; speed in m/s above which to warn; above which to refuse). Real
@@ -211,6 +212,24 @@ def assess_series(
                 assessment += doubts[0]
                 break
     return assessment
+
+
+def assess_sizes(fields: Iterable[Field], labels: Sequence[str], quantity: Quantity) -> Assessment:
+    """Assess whether fields of wind or waves have values, and none that can't be."""
+    each = list[Assessment]()
+    for field in fields:
+        size = np.hypot(field.u, field.v)[~field.gap]
+        most = float(size.max(initial=0.0))
+        low = 0.0
+        if not quantity.has_direction:
+            low = float(field.u.min(where=~field.gap, initial=0.0))
+        fault = f"it reaches {most:.3g} {quantity.unit}, above {quantity.most:g}"
+        if low < 0:
+            fault = f"it falls to {low:.3g} {quantity.unit}"
+        is_wrong = low < 0 or most > quantity.most
+        faults = (f"{fault}: a fill value, another unit, or damaged",) if is_wrong else ()
+        each.append(Assessment(faults if size.size else ("it has no data at all",)))
+    return _at_times(each, labels)
 
 
 def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:

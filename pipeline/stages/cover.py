@@ -129,8 +129,7 @@ def _endurance_s(case: Case, spec: HavensSpec, spent_s: float) -> float:
         return spec.endurance_s
     if case.energy is None or not math.isfinite(case.energy.on_board):
         return math.inf
-    fuel = case.energy.on_board / case.energy.units
-    return spent_s + case.projection.scale * fuel / case.vessel.fuel_rate
+    return spent_s + case.projection.scale * case.energy.on_board / case.vessel.fuel_rate
 
 
 def _covered(

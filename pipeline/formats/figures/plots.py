@@ -149,7 +149,7 @@ def _draw_fuel(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArra
     draw_line(axes, run, used)
     axes.set_ylim(0, 1.05 * max(still[-1], used[-1]))
     note = f"dashed: still water, {number(still[-1])}"
-    plot_title(axes, f"Fuel used, {name}: {number(used[-1])}", note)
+    plot_title(axes, f"Fuel used, {name.partition(' of ')[0]}: {number(used[-1])}", note)
 
 
 def _draw_speed(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:

@@ -111,7 +111,7 @@ class Waypoints:
         energy = self.ranked.metrics.energy
         if energy is None or not np.isfinite(energy.on_board):
             return None
-        return energy.on_board - energy.units * self.fuel
+        return energy.units * (energy.on_board - self.fuel)
 
     @property
     def metrics(self) -> RouteMetrics:

@@ -2,8 +2,9 @@
 
 A coast of 50,000 vertices then takes half a megabyte of JSON, decoded in milliseconds.
 
-Coordinates are in the planner's own plane at true scale: angles are true, and nothing is cut at
-180 degrees. `scripts/data.js` decodes them.
+A report's coordinates are in the planner's own plane at true scale: angles are true, and nothing is
+cut at 180 degrees. Those for a map of the world are degrees, continuous across 180.
+`scripts/data.js` decodes both.
 """
 
 import json
@@ -22,6 +23,7 @@ from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import route_profile
 from pipeline.findings.text import fuel_unit, zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
+from pipeline.geo.projection import Projection
 from pipeline.model import RouteKey, Water
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
@@ -34,6 +36,12 @@ _SERIES_STEPS = 50_000
 _CELLS = 40
 # Unit of the positions, degrees: a thousandth of a minute.
 _UNIT_DEG = 1 / 60_000
+# Step on a map of the world, degrees: about 1 m.
+_GLOBE_UNIT_DEG = 1e-5
+# Width of the whole world on a web map: pixels at zoom 0, and metres of Mercator's plane.
+_WORLD_PX, _WORLD_M = 256, math.tau * 6_378_137
+# Length to which the chart's edges are divided on a map of the world, as a share of its outline.
+_EDGE_SHARE = 1 / 200
 
 
 @dataclass(frozen=True)
@@ -41,23 +49,37 @@ class Lattice:
     """Coordinates as whole steps from the chart's lower left corner.
 
     `origin` (2,) and `step` are in planar metres; `step_m` is the step in metres at true scale, a
-    power of ten.
+    power of ten. With `globe`, points are given in longitude and latitude instead, in steps of
+    `unit` degrees.
     """
 
     origin: FloatArray
     step: float
     step_m: float
+    globe: Projection | None = None
+
+    @property
+    def unit(self) -> float:
+        """Size of a step on the map, true metres or degrees."""
+        return self.step_m if self.globe is None else _GLOBE_UNIT_DEG
 
     @classmethod
-    def of(cls, bounds: tuple[float, float, float, float], scale: float) -> Self:
+    def of(
+        cls,
+        bounds: tuple[float, float, float, float],
+        scale: float,
+        globe: Projection | None = None,
+    ) -> Self:
         """Choose the step for a chart's bounds (planar metres) at a scale."""
         xmin, ymin, xmax, ymax = bounds
         side_m = max(xmax - xmin, ymax - ymin) * scale
         step_m = 10.0 ** math.floor(math.log10(side_m / _MIN_STEPS))
-        return cls(np.array([xmin, ymin]), step_m / scale, step_m)
+        return cls(np.array([xmin, ymin]), step_m / scale, step_m, globe)
 
     def to_steps(self, points: FloatArray) -> IntArray:
         """Round planar points (n, 2) to whole steps (n, 2)."""
+        if self.globe is not None:
+            return np.rint(self.globe.to_lonlat(points) / self.unit).astype(np.int64)
         return np.rint((points - self.origin) / self.step).astype(np.int64)
 
     def line(self, points: FloatArray) -> list[int]:
@@ -135,12 +157,14 @@ def place_on_map(water: Water, place: FloatArray) -> str:
 
 
 def positions(result: RunResult, lattice: Lattice) -> dict[str, object] | None:
-    """Return longitudes and latitudes at the corners of a grid over the chart; None in a plane.
+    """Return longitudes and latitudes at the corners of a grid over the chart.
+
+    None in a plane, and on a map of the world, whose places are positions.
 
     Row by row from below, each in units of a thousandth of a minute as the difference to the value
     before. Longitudes run on beyond 180 degrees.
     """
-    if result.scenario.is_planar:
+    if result.scenario.is_planar or lattice.globe is not None:
         return None
     xmin, ymin, xmax, ymax = result.water.chart.bounds
     x, y = np.linspace(xmin, xmax, _CELLS + 1), np.linspace(ymin, ymax, _CELLS + 1)
@@ -182,21 +206,31 @@ _POINTS_BEST = 200
 _POINTS = 100
 
 
-def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, object]:
-    """Gather coast, grid, currents and routes; `speed_limits` (m/s) are those of the classes."""
+def map_data(
+    result: RunResult, speed_limits: tuple[float, ...], *, on_globe: bool = False
+) -> dict[str, object]:
+    """Gather coast, grid, currents and routes; `speed_limits` (m/s) are those of the classes.
+
+    With `on_globe`, for a map of the world in Mercator's projection.
+    """
     water, (start, *via, goal) = result.water, result.stops
-    lattice = Lattice.of(water.chart.bounds, water.projection.scale)
+    globe = water.projection if on_globe else None
+    lattice = Lattice.of(water.chart.bounds, water.projection.scale, globe)
+    extent = water.chart.extent
+    if on_globe:
+        extent = shapely.segmentize(extent, extent.length * _EDGE_SHARE)
     shoals, hazards = (
         water.projection.geometry_to_plane(np.array(areas, dtype=object))
         for areas in (result.shoals, result.hazards)
     )
     named = {island.number for island in result.islands}
     return {
-        "stepM": lattice.step_m,
+        "step": lattice.unit,
+        "globe": on_globe,
         "planar": result.scenario.is_planar,
         "noGoName": result.fetched.land.no_go_name,
         "origin": [float(value) * water.projection.scale for value in lattice.origin],
-        "extent": lattice.rings(np.array([water.chart.extent], dtype=object)),
+        "extent": lattice.rings(np.array([extent], dtype=object)),
         **_beyond(result, lattice),
         "land": _areas(result, np.array(water.land, dtype=object), lattice),
         "noGo": _no_go(result, lattice),
@@ -233,9 +267,9 @@ def _areas(result: RunResult, areas: Geometries, lattice: Lattice) -> list[list[
 def _beyond(result: RunResult, lattice: Lattice) -> dict[str, object]:
     """Return what the map shows outside the chart: a sheet of water, and the land on it.
 
-    Empty where no land is known outside: no water is drawn there.
+    Empty where no land is known outside: no water is drawn there; and on a map of the world.
     """
-    if not result.fetched.surroundings:
+    if not result.fetched.surroundings or lattice.globe is not None:
         return {"sheet": [], "beyond": []}
     extent = result.water.chart.extent
     xmin, ymin, xmax, ymax = extent.bounds
@@ -307,13 +341,29 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
             "routes": [
                 {
                     **_route(ranked, lattice),
+                    **side,
                     "soft": lattice.rings(soft[case.name, ranked.rank]),
                 }
-                for ranked in case.routes
+                for ranked, side in zip(case.routes, numbered_sides(case), strict=True)
             ],
         }
         for case in result.cases
     ]
+
+
+def numbered_sides(case: RunCase) -> list[dict[str, int | float]]:
+    """Return each route's side, numbered from 0 by its best route, and its fuel above the best.
+
+    A route's `excess` is a share; `isSide` is true of the best route of a side.
+    """
+    passages: dict[str, int] = {}
+    found: list[dict[str, int | float]] = []
+    for row in (ranked.metrics for ranked in case.routes):
+        is_side = row.main_passage not in passages
+        side = passages.setdefault(row.main_passage, len(passages))
+        excess = row.fuel / case.routes[0].metrics.fuel - 1
+        found.append({"side": side, "isSide": is_side, "excess": excess})
+    return found
 
 
 def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
@@ -370,28 +420,45 @@ def _turns(ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
 def _current(case: RunCase, lattice: Lattice) -> dict[str, object] | None:
     """Return the planner's own current on a regular lattice over the water, in whole cm/s.
 
-    A changing current is given at departure. `u` and `v` are along the plane's axes, row by
-    row from below; 0, 0 is land or still water.
+    A changing current is given at departure. `u` and `v` are along the map's axes, row by
+    row from below; 0, 0 is land or still water. On a map of the world the lattice is regular in
+    Mercator's projection, and its spacing in pixels at zoom 0.
     """
     if case.planned is None:
         return None
-    field = case.planned.current
-    xmin, ymin, xmax, ymax = case.planned.chart.bounds
-    spacing = max(_min_spacing(field), math.sqrt((xmax - xmin) * (ymax - ymin) / _MAX_ARROWS))
-    columns, rows = max(1, int((xmax - xmin) / spacing)), max(1, int((ymax - ymin) / spacing))
-    x = xmin + spacing * (0.5 + np.arange(columns))
-    y = ymin + spacing * (0.5 + np.arange(rows))
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    velocity = np.asarray(field(points), dtype=float)
+    field, bounds = case.planned.current, case.planned.chart.bounds
+    spacing = max(_min_spacing(field), math.sqrt(shapely.box(*bounds).area / _MAX_ARROWS))
+    if lattice.globe is None:
+        points, columns = _lattice(bounds, spacing)
+        velocity, shown = np.asarray(field(points), dtype=float), spacing / lattice.step
+    else:
+        centre = lattice.globe.central_longitude
+        web = Projection(f"+proj=webmerc +lon_0={centre} +datum=WGS84", central_longitude=centre)
+        extent = lattice.globe.geometry_to_lonlat(case.planned.chart.extent)
+        drawn = web.geometry_to_plane(extent).bounds
+        spacing *= math.sqrt(shapely.box(*drawn).area / shapely.box(*bounds).area)
+        places, columns = _lattice(drawn, spacing)
+        lonlat, shown = web.to_lonlat(places), spacing * _WORLD_PX / _WORLD_M
+        points = lattice.globe.to_plane(lonlat)
+        velocity = lattice.globe.rotate_to_lonlat(lonlat, field(points))
     velocity[~on_water(case.run.water, points)] = 0.0
     whole = np.rint(100 * velocity).astype(np.int64)
     return {
-        "corner": lattice.line(np.array([[x[0], y[0]]])),
-        "spacing": spacing / lattice.step,
+        "corner": lattice.line(points[:1]),
+        "spacing": shown,
         "columns": columns,
         "u": whole[:, 0].tolist(),
         "v": whole[:, 1].tolist(),
     }
+
+
+def _lattice(bounds: tuple[float, ...], spacing: float) -> tuple[FloatArray, int]:
+    """Return the points (n, 2) of a lattice in a box, row by row from below, and its columns."""
+    xmin, ymin, xmax, ymax = bounds
+    columns, rows = max(1, int((xmax - xmin) / spacing)), max(1, int((ymax - ymin) / spacing))
+    x = xmin + spacing * (0.5 + np.arange(columns))
+    y = ymin + spacing * (0.5 + np.arange(rows))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), columns
 
 
 def _min_spacing(field: object) -> float:

@@ -21,6 +21,7 @@ from pipeline.findings import choices, text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import MAX_STRAITS, RankedRoute, RunCase, RunResult, addressed
+from pipeline.findings.sentences import case_facts
 from pipeline.findings.text import environment
 from pipeline.formats import appearance
 from pipeline.formats.figures.chart_map import page_svg
@@ -38,10 +39,10 @@ from pipeline.formats.report.map_data import (
     coarser,
     json_for_script,
     map_data,
+    numbered_sides,
     place_on_map,
     within,
 )
-from pipeline.formats.report.sentences import CaseFacts
 from pipeline.formats.tables import haven_facts, haven_texts, tightest_place, tightest_text
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
@@ -108,7 +109,7 @@ def gather(result: RunResult) -> dict[str, Any]:
     crossed = [
         (case.title, f": {_crossed(case)}")
         for case in result.cases
-        if case.measures.shore_crossings
+        if any(one.rank == 1 for one in case.measures.shore_crossings)
     ]
     narrow = [("", f"{text.capitalised(line)}.") for line in note_texts(result.narrow_notes)]
     xmin, ymin, xmax, ymax = result.water.chart.bounds
@@ -130,7 +131,7 @@ def gather(result: RunResult) -> dict[str, Any]:
             if not result.scenario.is_planar
             and (one.metrics.filled_share > 0 or one.metrics.uncharted_share > 0)
         ],
-        "has_crossings": bool(crossed),
+        "has_crossings": any(case.measures.shore_crossings for case in result.cases),
         "is_narrow": any(case.measures.narrow for case in result.cases),
         "seasons": [case_section(case) for case in result.cases],
         "speed_labels": speed_labels(limits) if has_current else (),
@@ -157,7 +158,7 @@ def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
 
 
 def _doubts(result: RunResult) -> Iterator[Notice]:
-    """Yield the notices directly below the answer: doubtful currents, and what was decided."""
+    """Yield the notices directly below the answer: on currents, other routes and decisions."""
     with_grid = [case for case in result.cases if case.grid is not None]
     yield (
         "Planned with stand-in currents",
@@ -169,6 +170,12 @@ def _doubts(result: RunResult) -> Iterator[Notice]:
             (case.title, f": {_lacking(case.source_grid)}")
             for case in with_grid
             if case.lacks_current
+        ),
+    )
+    yield (
+        "Land of another shoreline on other routes",
+        tuple(
+            (case.title, f": {said}") for case in result.cases if (said := _crossed_beside(case))
         ),
     )
     stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
@@ -194,16 +201,22 @@ def _lacking(grid: CurrentGrid) -> str:
     )
 
 
+_CHECK = "Check the official chart there: the places are on the map and below."
+
+
 def _crossed(case: RunCase) -> str:
-    """Say how much of a case's best route, or of others, crosses land of another shoreline."""
-    crossings = case.measures.shore_crossings
-    best = [one.length_m for one in crossings if one.rank == 1]
-    check = "Check the official chart there: the places are on the map and below."
-    if best:
-        places = text.count(len(best), "place", "places")
-        return f"{text.distance(sum(best))} of the best route, at {places}. {check}"
-    routes = text.count(len({one.rank for one in crossings}), "other route", "other routes")
-    return f"none of the best route, but parts of {routes}. {check}"
+    """Say how much of a case's best route crosses land of another shoreline."""
+    best = [one.length_m for one in case.measures.shore_crossings if one.rank == 1]
+    places = text.count(len(best), "place", "places")
+    return f"{text.distance(sum(best))} of the best route, at {places}. {_CHECK}"
+
+
+def _crossed_beside(case: RunCase) -> str:
+    """Say how many routes cross land of another shoreline if the best does not; "" if none."""
+    ranks = {one.rank for one in case.measures.shore_crossings}
+    if not ranks or 1 in ranks:
+        return ""
+    return f"parts of {text.count(len(ranks), 'route', 'routes')}, none of the best. {_CHECK}"
 
 
 def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
@@ -289,7 +302,10 @@ def case_section(case: RunCase) -> dict[str, Any]:
         "said": said,
         "best": said and said.best,
         "remarks": _remarks(ranked[0]) if ranked else (),
-        "rows": _rows(ranked),
+        "rows": [
+            row | {"side": one["side"]}
+            for row, one in zip(_rows(ranked), numbered_sides(case), strict=True)
+        ],
         "gap_figure": case.gap_figure,
         "current_text": case.current_text,
         "rejected": _rejected(case),
@@ -302,16 +318,15 @@ def case_section(case: RunCase) -> dict[str, Any]:
         "tightest": tightest and tightest_text(case.case, tightest),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
-        "choices": list(_choices(case, found)),
+        "choices": list(shown_choices(case)),
         "speeds": found and (found.slowest, found.fastest),
     }
 
 
-def _choices(
-    case: RunCase, found: choices.SpeedTradeOff | None
-) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
+def shown_choices(case: RunCase) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
     """Yield title, sentences and plot of each choice: way kept, departure, speed, and side."""
     anchor, ensemble = f"season-{case.number + 1}", case.result.ensemble
+    found = choices.trade_off(case)
     if case.result.replanned is not None:
         yield "Planned again under way", choices.replanned_text(case.result.replanned), Markup()
     if (choice := case.departure_choice) is not None:
@@ -325,22 +340,6 @@ def _choices(
     if ensemble is not None and case.routes:
         said, figure = choices.ensemble_text(case), fan_figure(ensemble, case.routes)
         yield "How sure", said, page_svg(figure, identity=f"{anchor}-fans", label=said[0])
-
-
-def case_facts(case: RunCase) -> CaseFacts | None:
-    """Gather the facts for a case's sentences; None without a route."""
-    if not case.routes:
-        return None
-    speeds = np.hypot(*arrows(case)[1].T)
-    return CaseFacts(
-        [one.metrics for one in case.routes],
-        float(speeds.mean()) if len(speeds) else 0.0,
-        case.measures.gap_shares,
-        case.measures.clock_worth,
-        case.side_bound,
-        case.lacks_current,
-        is_narrow=bool(case.measures.narrow),
-    )
 
 
 def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:

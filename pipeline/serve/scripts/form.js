@@ -4,6 +4,12 @@ import { ask, send } from "./api.js";
 import { button, find, make } from "./elements.js";
 
 const STILL = "still";
+// The vessel that is chosen at first.
+const VESSEL = "usv-7m";
+// What a fault names first: a field by its title, or a stop by its key.
+const NAMED = /^(?:'([^']+)'|(start|goal|via\[(\d+)\]))/i;
+// Where a stop that lies on land may be moved to, as [lon, lat], and how far.
+const REMEDY = /([\d.,]+ k?m) from the [^[]*? at \[([-\d.]+), ([-\d.]+)\]; move/;
 
 // The server made the form from its table of options: every field says which option it is.
 const fieldsOf = (area) => [...document.querySelectorAll(`${area} [data-option]`)];
@@ -11,7 +17,7 @@ const uploads = () => [...document.querySelectorAll("#ask [data-file]")];
 const isMany = (field) => "many" in field.dataset;
 
 export class Form {
-  /** `heard` has: changed(), when the places or areas changed, and fault(lines). */
+  /** `heard` has changed(), when the places or areas changed. */
   constructor(heard) {
     this.heard = heard;
     this.areas = [];
@@ -26,7 +32,15 @@ export class Form {
     for (const field of document.querySelectorAll("#ask [data-section]")) {
       for (const [name, title] of Object.entries(named[field.dataset.section])) field.append(make("option", { value: name }, name === STILL ? "Still water" : title || name));
     }
+    find("#vessel").value = VESSEL;
+    find("#month").value = new Date().toISOString().slice(0, 7);
     this.showFigures();
+  }
+
+  /** An example, until the reader sets a point. */
+  example() {
+    this.isExample = true;
+    this.setWay({ start: find("#start").placeholder, goal: find("#goal").placeholder, via: [], areas: [] });
   }
 
   listen() {
@@ -34,12 +48,10 @@ export class Form {
     for (const name of ["start", "goal"]) find(`#${name}`).addEventListener("change", () => this.located());
     find("#add-via").addEventListener("click", () => this.addVia("").focus());
     find("#swap").addEventListener("click", () => {
-      const [start, goal] = [find("#start"), find("#goal")];
-      [start.value, goal.value] = [goal.value, start.value];
-      const vias = this.vias().map((input) => input.value).reverse();
-      this.vias().forEach((input, i) => { input.value = vias[i]; });
-      this.located();
+      const { start, goal, via, areas } = this.way();
+      this.setWay({ start: goal, goal: start, via: via.reverse(), areas });
     });
+    find("#clear").addEventListener("click", () => this.setWay({ start: "", goal: "", via: [], areas: [] }));
     find("#add-area").addEventListener("click", () => this.typedArea());
     for (const field of uploads()) {
       field.addEventListener("change", (event) => {
@@ -67,11 +79,11 @@ export class Form {
     return [...document.querySelectorAll("#vias input")];
   }
 
-  addVia(text) {
+  addVia(text, at = this.vias().length) {
     const input = make("input", { value: text, autocomplete: "off", spellcheck: false });
     const row = make("li", {}, input, button("Remove", () => { row.remove(); this.located(); }));
     input.addEventListener("change", () => this.located());
-    find("#vias").append(row);
+    find("#vias").insertBefore(row, find("#vias").children[at] || null);
     this.number();
     return input;
   }
@@ -104,6 +116,8 @@ export class Form {
     }
     if (asked !== this.asking) return;
     this.places = found;
+    const [{ start, goal }, example] = [this.way(), [find("#start"), find("#goal")]];
+    this.isExample &&= start === example[0].placeholder && goal === example[1].placeholder;
     this.heard.changed();
   }
 
@@ -112,8 +126,33 @@ export class Form {
     return [...this.places].map(([name, { lat, lon }]) => [name, name.startsWith("Point") ? name.slice(6) : name[0], lat, lon]);
   }
 
+  /** The points of the way and the shut areas, as they are typed. */
+  way() {
+    return { start: find("#start").value, goal: find("#goal").value, via: this.vias().map((input) => input.value), areas: [...this.areas] };
+  }
+
+  setWay({ start, goal, via, areas }) {
+    find("#start").value = start;
+    find("#goal").value = goal;
+    find("#vias").replaceChildren();
+    for (const text of via) this.addVia(text);
+    this.areas = areas;
+    this.showAreas();
+    return this.located();
+  }
+
+  /** Remove a place by the name of its pin. */
+  remove(name) {
+    const field = this.fields().get(name);
+    if (name.startsWith("Point")) field.closest("li").remove();
+    else field.value = "";
+    return this.located();
+  }
+
   /** Set a place by a click: what is still missing first. */
-  click(text) {
+  async click(text) {
+    if (this.isExample) for (const name of ["start", "goal"]) find(`#${name}`).value = "";
+    this.isExample = false;
     const name = !find("#start").value ? "Start" : !find("#goal").value ? "Goal" : "";
     if (name) this.set(name, text);
     else this.addVia(text);
@@ -126,6 +165,44 @@ export class Form {
     field.value = `${text}${(field.value.match(/ wait .*/) || [""])[0]}`;
   }
 
+  /** Tell faults beside the button and at the fields that they name; the first of these has the focus. */
+  fault(lines) {
+    for (const told of document.querySelectorAll("#ask .told")) {
+      told.previousElementSibling.removeAttribute("aria-invalid");
+      told.remove();
+    }
+    find("#faults").hidden = !lines.length;
+    find("#faults").replaceChildren(...lines.map((line) => make("li", { dir: "auto" }, line)));
+    const named = lines.map((line) => [line, this.fieldOf(line)]).filter(([, field]) => field);
+    for (const [line, field] of named) {
+      const folded = field.closest("details");
+      if (folded) folded.open = true;
+      field.setAttribute("aria-invalid", "true");
+      field.after(make("p", { className: "told", dir: "auto" }, line, ...this.remedies(line, field)));
+    }
+    named[0]?.[1].focus();
+  }
+
+  /** The field that a fault names; null without any. */
+  fieldOf(line) {
+    const [, title, key, via] = line.match(NAMED) || [];
+    if (via) return this.vias()[Number(via)];
+    if (key) return find(`#${key.toLowerCase()}`);
+    return (title && document.querySelector(`#ask [data-title="${CSS.escape(title)}"]`)) || null;
+  }
+
+  /** A button for the remedy of a fault, if it has one that can be done here. */
+  remedies(line, field) {
+    const [, distance, lon, lat] = line.match(REMEDY) || [];
+    if (!distance) return [];
+    return [" ", button(`Move it to the nearest water, ${distance}`, async () => {
+      field.value = `${lat}, ${lon}`.replace(/(-?)([\d.]+), (-?)([\d.]+)/, (_, south, y, west, x) => `${y}${south ? "S" : "N"} ${x}${west ? "W" : "E"}`);
+      this.fault([]);
+      await this.located();
+      find("#ask").requestSubmit();
+    })];
+  }
+
   addArea(ring) {
     this.areas.push(ring);
     this.showAreas();
@@ -135,7 +212,7 @@ export class Form {
   typedArea() {
     const ring = find("#corners").value.split(";").filter((one) => one.trim()).map((one) => one.split(",").map(Number));
     if (ring.length < 3 || ring.some((corner) => corner.length !== 2 || !corner.every(Number.isFinite))) {
-      this.heard.fault(["An area needs three corners or more, longitude first: 118,9; 119,9; 118.5,10"]);
+      this.fault(["An area needs three corners or more, longitude first: 118,9; 119,9; 118.5,10"]);
       return;
     }
     find("#corners").value = "";
@@ -158,7 +235,7 @@ export class Form {
         entry.id = (await send(file)).id;
       } catch (error) {
         this.files[kind].splice(this.files[kind].indexOf(entry), 1);
-        this.heard.fault(error.faults || [String(error)]);
+        this.fault(error.faults || [String(error)]);
       }
       this.showFiles();
     }
@@ -205,16 +282,12 @@ export class Form {
       if (field.type === "checkbox") field.checked = Boolean(value);
       else field.value = isMany(field) ? value.join(", ") : value || "";
     }
-    find("#vias").replaceChildren();
-    for (const text of request.via) this.addVia(text);
     const known = new Set([...find("#source").options].map((one) => one.value));
     find("#source").value = request.currents.find((one) => known.has(one)) || "";
     const named = (id) => ({ name: `file ${id}`, id, size: 0 });
     for (const kind of Object.keys(this.files)) this.files[kind] = [request[kind] || []].flat().filter((one) => !known.has(one)).map(named);
-    this.areas = request.areas;
     this.showFiles();
-    this.showAreas();
     this.showFigures();
-    return this.located();
+    return this.setWay(request);
   }
 }

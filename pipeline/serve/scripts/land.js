@@ -2,6 +2,30 @@
 
 const TILE = 512;
 const STEPS = 4;
+// Tiles asked for at a time: the server makes one after the other, and a browser has six connections.
+const AT_A_TIME = 2;
+
+const waiting = [];
+let asked = 0;
+
+/** Ask for the tiles that wait, the latest first; none that is off the map by now. */
+async function askNext() {
+  if (asked >= AT_A_TIME || !waiting.length) return;
+  const { tile, path, done } = waiting.pop();
+  if (tile.isConnected) {
+    asked += 1;
+    try {
+      const answer = await fetch(path);
+      tile.rings = answer.ok ? await answer.json() : [];
+      draw(tile, tile.rings);
+      done(null, tile);
+    } catch (error) {
+      done(error, tile);
+    }
+    asked -= 1;
+  }
+  askNext();
+}
 
 const colour = (role) => getComputedStyle(document.documentElement).getPropertyValue(`--map-${role}`).trim();
 
@@ -33,14 +57,8 @@ export function landLayer() {
       tile.width = tile.height = TILE * Math.min(2, devicePixelRatio || 1);
       tile.setAttribute("aria-hidden", "true");
       // Tiles are twice as wide as those that the zoom counts.
-      fetch(`/api/land/${coords.z - 1}/${coords.x}/${coords.y}`)
-        .then((answer) => (answer.ok ? answer.json() : []))
-        .then((rings) => {
-          tile.rings = rings;
-          draw(tile, rings);
-          done(null, tile);
-        })
-        .catch((error) => done(error, tile));
+      waiting.push({ tile, path: `/api/land/${coords.z - 1}/${coords.x}/${coords.y}`, done });
+      setTimeout(askNext);
       return tile;
     },
   });

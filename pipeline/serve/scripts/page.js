@@ -4,8 +4,8 @@ import { ask, pause } from "./api.js";
 import { Chart } from "./chart.js";
 import { find, make } from "./elements.js";
 import { Form } from "./form.js";
-import { comparison, lines, planRow, sideCards } from "./sides.js";
-import { units } from "./text.js";
+import { Explorer, readData, units } from "./map.js";
+import { best, comparison, downloads, planRow, sideCards } from "./sides.js";
 
 // Stages of a plan in the reader's words, in their order.
 const STAGES = { fetch: "land and current", simplify: "coast", project: "chart", choose: "room to keep", plan: "classes and padding", compare: "sides", cover: "havens", write: "files" };
@@ -17,19 +17,25 @@ class Desk {
     this.plan = null;
     this.other = null;
     this.spoken = "";
-    this.form = new Form({ changed: () => this.changed(), fault: (lines) => this.fault(lines) });
+    this.ways = [];
+    this.form = new Form({ changed: () => this.changed() });
     this.chart = new Chart(find("#map"), {
       click: (text) => this.form.click(text),
       key: (letter, text) => this.key(letter, text),
-      moved: (name, text) => this.moved(name, text),
+      moved: (name, text) => this.moved(() => this.form.set(name, text)),
+      inserted: (index, text) => this.moved(() => this.form.addVia(text, index)),
+      removed: (name) => this.moved(() => this.form.remove(name)),
       corner: (count) => { find("#close-area").disabled = count < 3; },
     });
+    this.explorer = new Explorer(find("main"), this.chart.map, (season, index, event) => this.chart.pull(this.explorer.data.seasons[season].routes[index].places, event));
     this.listen();
   }
 
   async open() {
     await this.form.load();
-    await this.follow(location.hash.slice(1));
+    if (location.hash) await this.follow(location.hash.slice(1));
+    else await this.form.example();
+    this.listPlans();
     document.documentElement.dataset.ready = Math.round(performance.now());
   }
 
@@ -40,17 +46,46 @@ class Desk {
     find("#draw").addEventListener("click", () => this.draw(!this.chart.corners));
     find("#close-area").addEventListener("click", () => this.draw(false));
     find("#copy").addEventListener("click", () => this.copy());
-    find("#nautical").addEventListener("change", (event) => { units.nautical = event.target.checked; this.show(); });
+    find("#undo").addEventListener("click", () => this.undo());
+    find("#nautical").addEventListener("change", (event) => { units.nautical = event.target.checked; this.explorer.changeUnits(); this.show(); });
     addEventListener("hashchange", () => { if (location.hash.slice(1) !== this.plan?.id) this.follow(location.hash.slice(1)); });
-    addEventListener("keydown", (event) => { if (event.key === "Escape" && this.chart.corners) { this.chart.draw(false); this.drawing(false); } });
+    addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && this.chart.corners) { this.chart.draw(false); this.drawing(false); }
+      // In a field, the browser takes back what was typed.
+      if (event.key === "z" && (event.ctrlKey || event.metaKey) && !event.target.matches("input")) { event.preventDefault(); this.undo(); }
+    });
   }
 
   changed() {
-    const pins = this.form.pins();
+    const [pins, way] = [this.form.pins(), this.form.way()];
+    if (JSON.stringify(way) !== JSON.stringify(this.ways.at(-1))) this.ways.push(way);
+    find("#undo").disabled = this.ways.length < 2;
     this.chart.showPins(pins);
     this.chart.showAreas(this.form.areas);
+    if (!pins.length) this.clear();
     this.prepare();
-    if (pins.length > 1) this.chart.reveal(pins.map(([, , lat, lon]) => [lat, lon]));
+    if (pins.length > 1) this.chart.reveal([...this.chart.pins.values()].map((pin) => pin.getLatLng()));
+  }
+
+  /** Take back the last change of the way; a plan that is shown follows. */
+  undo() {
+    if (this.ways.length < 2) return;
+    this.ways.pop();
+    this.moved(() => this.form.setWay(this.ways.at(-1)));
+  }
+
+  /** Show no plan. */
+  clear() {
+    if (LIVE.has(this.plan?.state)) this.cancel();
+    this.plan = this.mapped = null;
+    history.replaceState(null, "", location.pathname);
+    this.explorer.clear();
+    this.chart.drafts.clearLayers();
+    find("#outcome").classList.remove("stale");
+    for (const name of ["#sides", "#warnings", "#comparison"]) find(name).replaceChildren();
+    for (const name of ["#results", "#same", "#notes", "#warnings"]) find(name).hidden = true;
+    this.say("Give a start and a goal, and press Plan.");
+    this.listPlans();
   }
 
   /** Have land and currents made ready while the reader looks at the form. */
@@ -68,11 +103,11 @@ class Desk {
     await this.form.located();
   }
 
-  /** A pin was dragged: the plan that is shown, or at work, is planned anew. */
-  async moved(name, text) {
-    this.form.set(name, text);
+  /** A place was changed on the map: the plan that is shown, or at work, is planned anew. */
+  async moved(change) {
+    change();
     const located = this.form.located();
-    if (this.plan) await this.start();
+    if (this.plan && find("#start").value && find("#goal").value) await this.start();
     await located;
   }
 
@@ -91,17 +126,17 @@ class Desk {
     this.say(on ? "Click the corners on the map, or press A on it for its middle; then close the area." : this.spoken);
   }
 
-  fault(faults) {
-    const list = find("#faults");
-    list.hidden = !faults.length;
-    list.replaceChildren(...faults.map((one) => make("li", { dir: "auto" }, one)));
+  /** What was found before stays, in grey, until the new way comes. */
+  stale(on) {
+    for (const name of [".sea", "#outcome"]) find(name).classList.toggle("stale", on);
   }
 
   async start() {
-    this.fault([]);
+    this.form.fault([]);
     const asked = performance.now();
     const earlier = this.plan;
     if (earlier && LIVE.has(earlier.state)) ask(`/api/plan/${earlier.id}`, "DELETE").catch(() => {});
+    this.stale(true);
     try {
       const plan = await ask("/api/plan", "POST", JSON.stringify(this.form.read()));
       this.asked = { id: plan.id, at: asked };
@@ -110,7 +145,8 @@ class Desk {
       if (find("#outcome").getBoundingClientRect().top > innerHeight) find("#outcome").scrollIntoView();
       await this.watch(plan);
     } catch (error) {
-      this.fault(error.faults || [String(error)]);
+      this.stale(false);
+      this.form.fault(error.faults || [String(error)]);
     }
   }
 
@@ -120,17 +156,13 @@ class Desk {
 
   /** Show an earlier plan, and go on with it if it is still at work. */
   async follow(id) {
-    if (id) {
-      try {
-        const plan = await ask(`/api/plan/${id}`);
-        this.form.write(plan.request);
-        this.watch(plan);
-        return;
-      } catch (error) {
-        this.fault(error.faults || [String(error)]);
-      }
+    try {
+      const plan = await ask(`/api/plan/${id}`);
+      this.form.write(plan.request);
+      this.watch(plan);
+    } catch (error) {
+      this.form.fault(error.faults || [String(error)]);
     }
-    this.listPlans();
   }
 
   /** Look how a plan goes until it ends, or another one is shown. */
@@ -144,7 +176,7 @@ class Desk {
       try {
         now = await ask(`/api/plan/${plan.id}`);
       } catch (error) {
-        if (this.plan?.id === plan.id) this.fault(error.faults || [String(error)]);
+        if (this.plan?.id === plan.id) this.form.fault(error.faults || [String(error)]);
         if (error.status) return;
         await pause(10 * LOOK_MS);
         continue;
@@ -157,9 +189,23 @@ class Desk {
   take(plan) {
     const before = this.plan?.id === plan.id ? this.plan : null;
     this.plan = plan;
-    if (plan.state !== before?.state && plan.faults.length) this.fault(plan.faults);
+    if (plan.state !== before?.state && plan.faults.length) this.form.fault(plan.faults);
     this.show();
-    if (plan.sides && !before?.sides) this.chart.reveal(lines(plan.sides).flatMap(({ line }) => line.map(([lon, lat]) => [lat, lon])));
+    if (plan.has_map && this.mapped !== plan.id) this.showMap(plan.id);
+  }
+
+  /** Draw what was found in the same water as the report. */
+  async showMap(id) {
+    this.mapped = id;
+    const data = readData(await ask(`/api/plan/${id}/map`));
+    if (this.plan?.id !== id) return;
+    this.chart.turnTo(data.start[1]);
+    this.chart.showAreas(this.form.areas);
+    this.explorer.load(data);
+    this.chart.drafts.clearLayers();
+    find(".sea").classList.remove("stale");
+    this.compare();
+    this.chart.reveal(data.seasons.flatMap(({ routes }) => routes.flatMap(({ places }) => places)));
   }
 
   /** Show the plan: its progress, its sides, and what can be had of it. */
@@ -174,17 +220,19 @@ class Desk {
       const at = plan.stages.indexOf(stage);
       return make("li", { className: at < 0 ? "" : at === plan.stages.length - 1 ? "at-work" : "done" }, text);
     }));
-    find("#sides").replaceChildren(...(plan.sides ? sideCards(plan.sides) : []));
+    // Until there is something new, the old cards stay.
+    if (plan.sides || !isLive) {
+      find("#sides").replaceChildren(...(plan.sides ? sideCards(plan.sides) : []));
+      find("#outcome").classList.remove("stale");
+      if (!plan.sides) this.explorer.clear();
+    }
     const warnings = plan.sides ? plan.sides.warnings : [];
     find("#warnings").hidden = !warnings.length;
     find("#warnings").replaceChildren(...warnings.map((one) => make("p", { dir: "auto" }, `Not the current that was asked for. ${one}.`)));
-    this.chart.showRoutes(plan.sides ? lines(plan.sides) : plan.drafts.map((line) => ({ line, kind: "draft", season: 0 })));
+    this.chart.show(this.chart.drafts, this.mapped === plan.id ? [] : plan.drafts, "way-line draft");
     this.time(plan);
-    find("#results").hidden = plan.state !== "done";
-    if (plan.state === "done") {
-      find("#report").href = `/plan/${plan.id}/report.html`;
-      find("#download").href = `/api/plan/${plan.id}/files.zip`;
-    }
+    find("#results").hidden = !plan.files.length;
+    find("#results").replaceChildren(...downloads(plan));
     find("#same").hidden = !plan.command;
     find("#command").value = plan.command;
     const notes = plan.sides ? [...plan.sides.decided, ...plan.sides.unknown, ...plan.sides.notes] : plan.notes;
@@ -214,8 +262,10 @@ class Desk {
     find("#plans").replaceChildren(...plans.map((plan) => planRow(plan, {
       isShown: plan.id === this.plan?.id,
       isCompared: plan.id === this.other?.id,
-      show: () => { history.replaceState(null, "", `#${plan.id}`); this.fault([]); this.follow(plan.id); },
+      show: () => { history.replaceState(null, "", `#${plan.id}`); this.form.fault([]); this.follow(plan.id); },
       compare: () => this.with(plan.id),
+      rename: (title) => ask(`/api/plan/${plan.id}/title`, "PUT", JSON.stringify(title)),
+      forget: async () => { await ask(`/api/plan/${plan.id}?forget=true`, "DELETE"); if (plan.id === this.plan?.id) this.clear(); this.listPlans(); },
     })));
   }
 
@@ -229,8 +279,7 @@ class Desk {
   compare() {
     const isBoth = this.plan?.sides && this.other?.sides;
     find("#comparison").replaceChildren(...(isBoth ? comparison(this.plan, this.other) : []));
-    const theirs = isBoth ? lines(this.other.sides).filter(({ kind }) => kind === "best") : [];
-    this.chart.showRoutes(theirs.map((one) => ({ ...one, kind: "other-plan" })), this.chart.other);
+    this.chart.show(this.chart.other, isBoth ? [best(this.other)?.line].filter(Boolean) : [], "way-line other-plan");
   }
 
   async copy() {
@@ -248,8 +297,8 @@ class Desk {
 function statusText(plan) {
   const ways = plan.drafts.length ? ` ${plan.drafts.length === 1 ? "One way is" : `${plan.drafts.length} ways are`} found.` : "";
   switch (plan.state) {
-    case "waiting": return "Waits for its turn.";
-    case "running": return plan.sides && plan.stages.at(-1) === "write" ? "All sides are found; the files are being written." : `At work: ${STAGES[plan.stages.at(-1)] || "begins"}${plan.detail ? ` – ${plan.detail}` : ""}.${ways}`;
+    case "waiting": return plan.before ? `${plan.before === 1 ? "1 voyage" : `${plan.before} voyages`} before yours.` : "Begins at once.";
+    case "running": return plan.sides && plan.stages.at(-1) === "write" ? `All sides are found; the files are being written${plan.detail ? `: ${plan.detail}` : ""}.` : `At work: ${STAGES[plan.stages.at(-1)] || "begins"}${plan.detail ? ` – ${plan.detail}` : ""}.${ways}${ways && " Provisional: a better one may follow."}`;
     case "cancelled": return "Cancelled.";
     case "failed": return "No plan: see the faults above the button.";
     default: return `Planned in ${plan.seconds.toFixed(1)} s.`;

@@ -1,9 +1,10 @@
 // What was found: a card for each side, with the reader's units; and two plans beside each other.
 
 import { button, make } from "./elements.js";
-import { formatClearance, formatDecimals, formatDistance, formatTime } from "./text.js";
+import { SEASON_COLOURS, formatClearance, formatDecimals, formatDistance, formatTime } from "./map.js";
 
-const SEASON_COLOURS = 6;
+// Kinds of file in the reader's words, by the ends of their names, in the order of their buttons.
+const KINDS = { ".gpx": "GPX", ".rtz": "RTZ", ".kml": "KML", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".grb": "GRIB of currents", ".nc": "NetCDF of currents", ".pdf": "Passage plan (PDF)", ".gpkg": "GeoPackage", ".csv": "CSV", ".zip": "Missions", ".toml": "Scenario" };
 const DAY_S = 86400;
 
 const percent = (share) => `${formatDecimals(100 * share, 1)} %`;
@@ -21,10 +22,10 @@ function facts(rows) {
 
 function figures(route, noGo) {
   return [
-    ["Fuel", route.excess > 0 ? `${route.fuel_text} (+${percent(route.excess)})` : route.fuel_text],
+    ["Fuel", route.excess > 0 ? `+${percent(route.excess)}` : route.fuel_text],
     ["Time", timeText(route.duration_s)],
     ["Length", formatDistance(route.length_m)],
-    ["Gap to the bound", gapText(route.gap)],
+    ["Better by at most", gapText(route.gap)],
     [`Clear of ${noGo}`, formatClearance(route.clearance_m)],
     ["Turns that met land", `${route.collisions} of ${route.trials.toLocaleString("en")}`],
   ];
@@ -34,37 +35,47 @@ function figures(route, noGo) {
 export function sideCards(sides) {
   return sides.seasons.flatMap((season, s) => {
     const others = season.routes.filter((one) => !one.is_side).length;
+    const bySide = season.routes.filter((one) => one.is_side);
+    // As on the map: a colour for each season, or for each side of the only one.
+    const colour = (route) => (sides.seasons.length > 1 ? s : bySide.indexOf(route)) % SEASON_COLOURS;
     const head = make("h3", { dir: "auto" }, season.title);
     if (season.failure) return [head, make("p", { className: "notice", dir: "auto" }, season.failure)];
-    const cards = season.routes.filter((one) => one.is_side).map((route) => make("article",
-      { className: `card side season${s % SEASON_COLOURS} ${route.rank === 1 ? "chosen" : ""}` },
-      make("h4", { className: "answer", dir: "auto" }, route.way || `Route ${route.rank}`),
+    const cards = bySide.map((route) => make("article",
+      { className: `card side season${colour(route)} ${route.rank === 1 ? "chosen" : ""}`, "data-route": `${s}-${season.routes.indexOf(route)}` },
+      make("h4", { className: "answer", dir: "auto" }, make("button", { type: "button", "data-select": `${s}-${season.routes.indexOf(route)}` }, route.way || `Route ${route.rank}`)),
       make("p", { className: "because", dir: "auto" }, route.because),
       facts(figures(route, sides.no_go)),
       ...(route.departure ? [make("p", { className: "certainty" }, `Leave ${moment(route.departure)}, arrive ${moment(route.arrival)}.`)] : []),
       ...(route.certainty ? [make("p", { className: "certainty", dir: "auto" }, route.certainty)] : [])));
     const more = others ? [make("p", { className: "quiet" }, `${others === 1 ? "One more class has" : `${others} more classes have`} a route on these sides: thin lines on the map.`)] : [];
-    return [head, make("div", { className: "cards" }, ...cards), ...more];
+    return [head, make("div", { className: "cards" }, ...cards), ...more, ...season.choices.map(choice)];
   });
 }
 
-/** Lines of a plan for the map, the best last so that it lies on top. */
-export function lines(sides) {
-  return sides.seasons.flatMap((season, s) => season.routes.map((route) => ({
-    line: route.line,
-    kind: route.rank === 1 ? "best" : route.is_side ? "" : "minor",
-    season: s % SEASON_COLOURS,
-  }))).filter((one) => one.line.length).sort((a, b) => (a.kind === "best") - (b.kind === "best"));
+/** When to leave, how fast, how sure: sentences and the plot that the report has, from the server. */
+function choice({ title, said, plot }) {
+  const drawn = plot ? [document.importNode(new DOMParser().parseFromString(plot, "image/svg+xml").documentElement, true)] : [];
+  // The page's policy takes styles from scripts only.
+  for (const one of drawn.flatMap((svg) => [...svg.querySelectorAll("[style]")])) one.style.cssText = one.getAttribute("style");
+  return make("figure", {}, make("h4", {}, title), ...said.map((text) => make("p", { dir: "auto" }, text)), ...drawn);
 }
 
-const best = (plan) => plan.sides.seasons.map((season) => season.routes[0]).find(Boolean);
+/** Links to the files of a plan: the report, each file by its kind, and all together. */
+export function downloads(plan) {
+  const link = (text, href, properties = { download: "" }) => make("a", { className: "button", href, ...properties }, text);
+  const kinds = Object.entries(KINDS).flatMap(([end, kind]) => plan.files.filter((name) => name.endsWith(end)).map((name) => link(kind, `/api/plan/${plan.id}/files/${encodeURIComponent(name)}`, { download: name, title: name })));
+  return [link("Open report", `/plan/${plan.id}/report.html`, { id: "report", target: "_blank", rel: "noopener" }), link("Download all files", `/api/plan/${plan.id}/files.zip`, { id: "download", download: "" }), ...kinds];
+}
+
+export const best = (plan) => plan.sides.seasons.map((season) => season.routes[0]).find(Boolean);
 
 /** A table of the best routes of two plans. */
 export function comparison(plan, other) {
   const [ours, theirs] = [best(plan), best(other)];
   if (!ours || !theirs) return [];
-  const rows = [["Way", ours.way, theirs.way], ...figures({ ...ours, excess: 0 }, plan.sides.no_go).map(([name, value], i) => [name, value, figures({ ...theirs, excess: 0 }, other.sides.no_go)[i][1]])];
-  rows[1][2] += theirs.fuel === ours.fuel ? "" : ` (${theirs.fuel > ours.fuel ? "+" : "−"}${percent(Math.abs(theirs.fuel / ours.fuel - 1))})`;
+  const rows = [["Way", ours.way, theirs.way], ...figures(ours, plan.sides.no_go).map(([name, value], i) => [name, value, figures(theirs, other.sides.no_go)[i][1]])];
+  const more = theirs.fuel / ours.fuel - 1;
+  rows[1] = ["Fuel", "", `${more < 0 ? "−" : "+"}${percent(Math.abs(more))}`];
   const head = make("tr", {}, make("td", {}), make("th", { scope: "col" }, "This plan"), make("th", { scope: "col" }, "The other, dotted"));
   return [make("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Two plans compared" },
     make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows.map(([name, ...values]) => make("tr", {},
@@ -72,11 +83,14 @@ export function comparison(plan, other) {
 }
 
 /** A row of the list of plans. */
-export function planRow(plan, { isShown, isCompared, show, compare }) {
+export function planRow(plan, { isShown, isCompared, show, compare, rename, forget }) {
   const { request } = plan;
+  const name = make("input", { value: plan.title || `${request.start} to ${request.goal}`, maxLength: 100, "aria-label": "Name of the plan" });
+  name.addEventListener("change", () => rename(name.value));
   const what = [request.vessel || request.speed, request.month.join(", ") || request.depart, request.via.length ? `${request.via.length} via` : "", request.areas.length ? `${request.areas.length} shut` : ""].filter(Boolean).join(" · ");
   return make("li", {},
-    make("span", { dir: "auto" }, `${request.start} to ${request.goal}`, make("br"), make("small", {}, `${what} · ${plan.state}`)),
+    make("span", { dir: "auto" }, name, make("small", {}, `${what} · ${plan.state}`)),
     button("Show", show, { disabled: isShown, "aria-label": `Show ${request.start} to ${request.goal}, ${what}` }),
-    button("Compare", compare, { disabled: isShown || plan.state !== "done", "aria-pressed": String(isCompared), "aria-label": `Compare with ${request.start} to ${request.goal}, ${what}` }));
+    button("Compare", compare, { disabled: isShown || plan.state !== "done", "aria-pressed": String(isCompared), "aria-label": `Compare with ${request.start} to ${request.goal}, ${what}` }),
+    button("Delete", forget, { disabled: ["waiting", "running"].includes(plan.state), "aria-label": `Delete ${request.start} to ${request.goal}, ${what}; its files stay` }));
 }

@@ -1,4 +1,4 @@
-"""Currents from the user's own files: NetCDF or Zarr by the CF conventions, and GRIB.
+"""Currents, wind and waves from the user's own files: NetCDF or Zarr by the CF conventions, GRIB.
 
 Only the steps that are needed are read, and only in the region. Each field is checked (speeds,
 directions, gaps, position) in a wider window than the planner is given, as faults are easier to
@@ -47,9 +47,11 @@ from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
     Assessment,
     assess_series,
+    assess_sizes,
     count_misplaced,
     dilated,
 )
+from pipeline.sources.quantities import CURRENT, Quantity
 from renew.vary.ensemble import FEWEST, QUANTILES
 
 # Half the size of the window, in cells, in which a file is checked around the region's middle.
@@ -71,13 +73,15 @@ class CfFiles(CurrentSource):
 
     They have the fields of time steps, or harmonic constants; `with_mean` adds the mean that the
     file of constants has. `index` is the name of a further dimension, and the only place along it
-    that is read. `pair` names the variables that are the current; by default they are found.
+    that is read. `pair` names the variables that are the current; by default they are found. A
+    `quantity` without a direction is the first component of what `current` returns.
     """
 
     paths: tuple[str, ...]
     with_mean: bool = True
     index: tuple[str, int] | None = None
     pair: tuple[str, str] | None = None
+    quantity: Quantity = CURRENT
 
     def identity(self, case: Season) -> tuple[str, ...]:
         """Return hashes of the files that contain the case's steps; "nothing" without any."""
@@ -89,7 +93,7 @@ class CfFiles(CurrentSource):
         about = f"{case.period.begin}" if case.is_changing else case.resolved_time_method
         mean = f"{self.with_mean}" if contents.constituents else ""
         at = "" if self.index is None else "{} {}".format(*self.index)
-        pair = self.pair or ()
+        pair = self.pair or (() if self.quantity.is_current else (self.quantity.name,))
         return ("cf", *hashes, case.valid, about, selected.valid, mean + at, *pair)
 
     def uncovered_reason(self, region: Polygon, case: Season) -> str:
@@ -165,7 +169,7 @@ class CfFiles(CurrentSource):
         """Read the files' contents, again only when the files have changed."""
         files = find_files(self.paths)
         stamps = tuple(_stamp(file) for file in files)
-        return _read_version(files, stamps, self.index, self.pair)
+        return _read_version(files, stamps, self.index, self.pair, self.quantity)
 
 
 def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
@@ -182,10 +186,11 @@ def _read_version(
     stamps: tuple[str, ...],
     index: tuple[str, int] | None,
     pair: tuple[str, str] | None,
+    quantity: Quantity,
 ) -> Contents:
     """Read the contents of files with these stamps."""
     del stamps
-    return read_contents(files, index, pair)
+    return read_contents(files, index, pair, quantity)
 
 
 def _stamp(file: Path) -> str:
@@ -251,8 +256,6 @@ def _credit(contents: Contents) -> Credit:
     )
 
 
-# Speed limit, m/s: tides in the narrowest straits come near it, no water is faster.
-_SPEED_LIMIT_M_S = 10.0
 # Share of the region's open water without data above which a file is refused; smaller gaps are
 # filled from the water around.
 _GAP_FAULT_SHARE = 0.2
@@ -297,10 +300,15 @@ def read_checked_fields(
                     kept.append(Field(lon, lat, wide.u[part], wide.v[part]))
                     yield wide
 
-            assessment = assess_series(fields(), selected.labels, mask, _SPEED_LIMIT_M_S)
+            if contents.quantity.is_current:
+                assessment = assess_series(fields(), selected.labels, mask, CURRENT.most)
+            else:
+                assessment = assess_sizes(fields(), selected.labels, contents.quantity)
     except ValueError as error:
         raise RequestError(str(error)) from None
     u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
+    if not contents.quantity.is_current:
+        return _weather(Field(lon, lat, u, v), assessment, name), ()
     field, gap_notes = filled_in_time(Field(lon, lat, u, v), selected.times_s)
     if reader.partly:
         gap_notes += (Note.of("current-means-lack", share=reader.partly),)
@@ -321,6 +329,33 @@ def read_checked_fields(
         *assessment.doubts(name),
     )
     return field, notes
+
+
+def _weather(field: Field, assessment: Assessment, name: str) -> Field:
+    """Return a field (nt, ny, nx) of wind or waves without gaps; RequestError if it is refused.
+
+    A gap, as on land, gets the largest values around it, ring by ring: a limit is not exceeded
+    unseen beside it.
+    """
+    from scipy import ndimage
+
+    if not assessment.faults and field.gap.all(axis=(1, 2)).any():
+        assessment = Assessment(("it has no data in the region at some of its times",))
+    if assessment.faults:
+        reason = "; ".join(assessment.faults)
+        raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
+    size, u, v = np.hypot(field.u, field.v), field.u.copy(), field.v.copy()
+    while (gap := np.isnan(size)).any():
+        known = np.where(gap, -1.0, size)
+        around = ndimage.maximum_filter(known, size=(1, 3, 3), mode="nearest")
+        ring = gap & (around >= 0)
+        # Of the neighbours that hold the largest size, each has the components that go with it.
+        for up, right in itertools.product((-1, 0, 1), repeat=2):
+            there = np.roll(known, (up, right), (1, 2)) == around
+            u[ring & there] = np.roll(u, (up, right), (1, 2))[ring & there]
+            v[ring & there] = np.roll(v, (up, right), (1, 2))[ring & there]
+        size = np.where(ring, around, size)
+    return replace(field, u=u, v=v)
 
 
 def _zeros_on_land(

@@ -95,6 +95,22 @@ def grid_fault(array: "xr.DataArray", pole: str = "") -> str:
     )
 
 
+def level_of(
+    dataset: "xr.Dataset", dim: str, along: str, height_m: float
+) -> tuple[int, list[Note]]:
+    """Return the index of a height over ground, m, or of the uppermost level of the sea for 0."""
+    if not height_m:
+        return surface_level(dataset, dim, along)
+    levels = np.atleast_1d(coordinate_values(dataset, dim))
+    index = int(np.abs(levels - height_m).argmin())
+    if levels.size > 1 and levels[index] != height_m:
+        raise ValueError(
+            f"{dim} has no level of {height_m:g} m over ground ({levels[0]:g} to {levels[-1]:g}); "
+            "give the field at that height"
+        )
+    return index, []
+
+
 def surface_level(dataset: "xr.Dataset", dim: str, along: str = "") -> tuple[int, list[Note]]:
     """Return the index of the uppermost level, and notes; ValueError if it can't be told.
 
@@ -354,14 +370,20 @@ def calendar_notes(dataset: "xr.Dataset", clock: str) -> list[Note]:
     return [Note.of("steps-read", how=how)]
 
 
-def step_method(array: "xr.DataArray", dim: str, names: Iterable[str]) -> dict[str, Any]:
-    """Return `by` and `width` of a variable's TimeSteps, by its attributes or its file's names."""
+def step_method(
+    array: "xr.DataArray", dim: str, names: Iterable[str], *, has_maxima: bool = False
+) -> dict[str, Any]:
+    """Return `by` and `width` of a variable's TimeSteps, by its attributes or its file's names.
+
+    A quantity that `has_maxima` may be the maximum of a step, too.
+    """
     methods = array.attrs.get("cell_methods", "")
     said = re.search(rf"\b(?:time|{re.escape(dim)}):(?:\s*\w+:)*\s*(\w+)", methods)
-    # What is a spread or a maximum along any axis is no current; parentheses hold comments.
-    if set(re.findall(r":\s*(\w+)\b(?!:)", re.sub(r"\(.*?\)", "", methods))) - {"mean", "point"}:
+    # What is a spread or a maximum along any axis is no field; parentheses hold comments.
+    allowed = {"mean", "point", *(["maximum"] if has_maxima else [])}
+    if set(re.findall(r":\s*(\w+)\b(?!:)", re.sub(r"\(.*?\)", "", methods))) - allowed:
         raise ValueError(f"{array.name} is neither of a time nor a mean ({methods}); give such")
-    by = "" if said is None else {"mean": said[0], "point": "point"}[said[1]]
+    by = "" if said is None else "point" if said[1] == "point" else said[0]
     for name in filter(None, map(_ID.search, names)):
         by = by or {"m": name[0], "i": "point"}[name[4]]
         width = int(name[2]) * _LENGTHS[name[1] + name[3]]

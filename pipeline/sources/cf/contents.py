@@ -1,6 +1,6 @@
-"""Contents of the user's files of currents, by the CF conventions: components, axes, units, times.
+"""Contents of the user's files of fields, by the CF conventions: components, axes, units, times.
 
-No values of the currents are read here. Faults are collected and reported together, each with what
+No values of the fields are read here. Faults are collected and reported together, each with what
 was found and what is needed.
 """
 
@@ -38,20 +38,12 @@ from pipeline.sources.cf.dataset import (
     open_together,
 )
 from pipeline.sources.cf.mesh import Axes, SourceMesh
+from pipeline.sources.quantities import CURRENT, Pair, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# Units of speed, in m/s, by their spelling once words are symbols and "per" is a stroke.
-_UNITS_M_S = {
-    "m/s": 1.0,
-    "cm/s": 0.01,
-    "mm/s": 0.001,
-    "km/h": 1 / 3.6,
-    "kph": 1 / 3.6,
-    **dict.fromkeys(("knot", "kt", "kn", "international_knot", "nmi/h", "nm/h"), 1852 / 3600),
-}
-# Words in these units, and the symbols that stand for them.
+# Words in units of speed and length, and the symbols that stand for them.
 _SYMBOLS = {
     word + plural: symbol
     for word, symbol in (
@@ -72,8 +64,8 @@ class Component:
     """One component in one file: names of the variable and of its time's dimension, and its grid.
 
     `time` is empty where there is no such dimension, `fixed` is the index to use in each other
-    dimension, and `unit` is its unit in m/s, or in degrees for a direction. The files `beside` add
-    tiles or a mesh (`open_together`).
+    dimension, and `unit` is its unit in that of the `quantity`, or in degrees for a direction. The
+    files `beside` add tiles or a mesh (`open_together`).
     """
 
     file: Path
@@ -85,6 +77,7 @@ class Component:
     steps: TimeSteps
     notes: tuple[Note, ...]
     beside: tuple[Path, ...] = ()
+    quantity: Quantity = CURRENT
 
 
 def read_component(
@@ -93,6 +86,7 @@ def read_component(
     name: str,
     along: str = "",
     index: tuple[str, int] | None = None,
+    quantity: Quantity = CURRENT,
 ) -> Component:
     """Return a component of a file; ValueError where something is wrong with it.
 
@@ -104,7 +98,7 @@ def read_component(
     for dim, size in array.sizes.items():
         if not size:
             raise ValueError(f"{name} is empty, as {dim} has no values; give a file with data")
-    unit, notes = _unit(array)
+    unit, notes = _unit(array, quantity)
     if re.search(r"\b(depth|lev|z)\w*: ?(\w+: ?)*mean", array.attrs.get("cell_methods", "")):
         notes.append(Note.of("current-over-depth"))
     about = grids.coordinates(dataset, array)
@@ -125,7 +119,9 @@ def read_component(
     times = [name for name in scalars if dataset[name].attrs.get("standard_name") == "time"]
     for dim, role in roles.items():
         if role == "level":
-            fixed[dim], level_notes = axes.surface_level(dataset, about[dim][role], dim)
+            fixed[dim], level_notes = axes.level_of(
+                dataset, about[dim][role], dim, quantity.height_m
+            )
             notes += level_notes
         elif not role and dim not in grid.dims:
             fixed[dim], place_notes = _place_along(array, dim, index)
@@ -140,11 +136,15 @@ def read_component(
         time=by_role.get("time", ""),
         fixed={dim: at for dim, at in fixed.items() if dim in array.dims},
         unit=unit,
-        steps=read_steps(*axes.time_axis(dataset, clock), **step_method(array, clock, named))
+        steps=read_steps(
+            *axes.time_axis(dataset, clock),
+            **step_method(array, clock, named, has_maxima="max" in quantity.kinds),
+        )
         if clock
         else TimeSteps(),
         grid=grid,
         notes=tuple(notes),
+        quantity=quantity,
     )
 
 
@@ -166,23 +166,24 @@ def _place_along(
     )
 
 
-def _unit(array: "xr.DataArray") -> tuple[float, list[Note]]:
-    """Return a unit in m/s, or a direction's in degrees, with notes; ValueError without one."""
+def _unit(array: "xr.DataArray", quantity: Quantity) -> tuple[float, list[Note]]:
+    """Return a unit in the quantity's, or a direction's in degrees; ValueError without one."""
     units = str(array.attrs.get("units", "")).strip()
     if _is_direction(array):
         if units.lower() in _DEGREES:
             return _DEGREES[units.lower()], []
         raise ValueError(f"{array.name} is in {units!r}, not in degrees; give its true unit")
     if not units:
-        return 1.0, [Note.of("unit-assumed", variable=str(array.name))]
-    unit_m_s = _UNITS_M_S.get(_plain_unit(units))
-    if unit_m_s is None:
+        assumed = Note.of("unit-assumed", variable=str(array.name), assumed=quantity.unit)
+        return 1.0, [assumed]
+    unit = quantity.units.get(_plain_unit(units))
+    if unit is None:
         raise ValueError(
-            f"{array.name} is in {units!r}, not in m s-1, cm s-1, km h-1 or knots; give its true "
-            "unit"
+            f"{array.name} is in {units!r}, not in {quantity.examples}; give its true unit"
         )
-    converted = Note.of("unit-converted", variable=str(array.name), unit=units)
-    return unit_m_s, [] if unit_m_s == 1 else [converted]
+    name = str(array.name)
+    converted = Note.of("unit-converted", variable=name, unit=units, to=quantity.unit)
+    return unit, [] if unit == 1 else [converted]
 
 
 def _is_direction(array: "xr.DataArray") -> bool:
@@ -193,7 +194,7 @@ def _is_direction(array: "xr.DataArray") -> bool:
 
 
 def _plain_unit(units: str) -> str:
-    """Return a unit of speed as `_UNITS_M_S` spells it, where it is one: "meter sec-1" is "m/s"."""
+    """Return a unit as `Quantity.units` spells it, where it is one: "meter sec-1" is "m/s"."""
     words = re.sub(r"[a-z_]+", lambda word: _SYMBOLS.get(word[0], word[0]), units.lower())
     plain = words.translate(str.maketrans("", "", " .^*()"))
     return re.sub(r"(?<=[a-z])([sh])-1$", r"/\1", plain)
@@ -217,38 +218,6 @@ _CONSTITUENT = "constituent"
 _REMEDY = "give a NetCDF, GRIB or Zarr file"
 # Number of groups that a message names.
 _MAX_GROUPS = 4
-# Standard names of eastward components and their partners, and pairs of names for variables without
-# a standard name, in the order in which they are preferred.
-_STANDARD_NAMES = tuple(
-    (name, re.sub(r"(_|^)x_", r"\1y_", name.replace("eastward", "northward")))
-    for name in (
-        "eastward_sea_water_velocity",
-        "surface_eastward_sea_water_velocity",
-        "eastward_sea_water_velocity_assuming_no_tide",
-        "sea_water_x_velocity",
-        "surface_sea_water_x_velocity",
-        "surface_geostrophic_eastward_sea_water_velocity",
-        "geostrophic_eastward_sea_water_velocity",
-        "x_sea_water_velocity",
-    )
-)
-# Standard names of a speed and its direction: where the water goes to, or comes from.
-_POLAR_NAMES = tuple(
-    (f"{surface}sea_water_speed", direction)
-    for surface in ("", "surface_")
-    for direction in (
-        f"{surface}sea_water_velocity_to_direction",
-        f"direction_of_{surface}sea_water_velocity",
-        f"{surface}sea_water_velocity_from_direction",
-    )
-)
-_VARIABLE_NAMES = (
-    *(("utotal", "vtotal"), ("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("water_u", "water_v")),
-    *(("u_eastward", "v_northward"), ("ssu", "ssv"), ("uos", "vos"), ("vozocrtx", "vomecrty")),
-    *(("ewct", "nsct"), ("ucur", "vcur"), ("ucurr", "vcurr"), ("uvel", "vvel")),
-    *(("u_velocity", "v_velocity"), ("u-vel", "v-vel"), ("u_current", "v_current")),
-    *(("mesh2d_ucx", "mesh2d_ucy"), ("horizontalvelx", "horizontalvely")),
-)
 # Names of components along a grid's own lines, where no standard name says so: NEMO's.
 _GRID_NAMES = ("vozocrtx",)
 # Words by which a file calls a component one along its grid's lines, or an eastward one.
@@ -308,6 +277,7 @@ class Contents:
     reference_time: datetime | None = None
     constituents: tuple[str, ...] = ()
     frame: Frame = "east"
+    quantity: Quantity = CURRENT
 
     @property
     def grid(self) -> Axes | SourceMesh:
@@ -376,15 +346,16 @@ def read_contents(
     files: tuple[Path, ...],
     index: tuple[str, int] | None = None,
     asked: tuple[str, str] | None = None,
+    quantity: Quantity = CURRENT,
 ) -> Contents:
     """Read the contents of files that belong together; `index` as in `read_component`.
 
-    `asked` names the two variables that are the current; by default they are found.
+    `asked` names the two variables that are the quantity; by default they are found.
 
     Raises
     ------
     RequestError
-        They can't be read, or have no currents on a lon/lat grid: one line for each fault.
+        They can't be read, or have no such field on a lon/lat grid: one line for each fault.
     """
     if fatal := fatal_files(files):
         raise RequestError([f"{file.name}: {fault}" for file, fault in fatal.items()])
@@ -393,12 +364,13 @@ def read_contents(
     with contextlib.ExitStack() as stack:
         for file in files:
             try:
-                datasets[file] = stack.enter_context(open_dataset(file))
+                datasets[file] = stack.enter_context(open_dataset(file, quantity))
             except ValueError as error:
                 faults.append(f"{file.name}: {error}")
         if faults:
             raise RequestError(faults)
-        return _contents(files, datasets, index, asked)
+        contents = _contents(files, datasets, index, asked, quantity)
+        return replace(contents, quantity=quantity)
 
 
 def _together(
@@ -432,12 +404,13 @@ def _contents(
     datasets: "dict[Path, xr.Dataset]",
     index: tuple[str, int] | None,
     asked: tuple[str, str] | None,
+    quantity: Quantity,
 ) -> Contents:
     """Return the contents of open files; RequestError as in `read_contents`."""
     if any("u_re" in dataset.data_vars for dataset in datasets.values()):
         return _constants(files, datasets)
     try:
-        pair, notes = _find_pair(list(datasets.values()), asked)
+        pair, notes = _find_pair(list(datasets.values()), asked, quantity)
     except ValueError as error:
         hint = s100.option_of(next(iter(datasets.values()))) or _groups_hint(files)
         raise RequestError(f"{name_of(files)}: {error}{hint}") from None
@@ -446,7 +419,9 @@ def _contents(
     components_of: tuple[list[Component], list[Component]] = ([], [])
     with contextlib.ExitStack() as stack:
         datasets = {
-            file: stack.enter_context(open_together(file, others)) if others else datasets[file]
+            file: stack.enter_context(open_together(file, others, quantity))
+            if others
+            else datasets[file]
             for file, others in beside.items()
         }
         for (standard, name), components in zip(pair, components_of, strict=True):
@@ -454,7 +429,9 @@ def _contents(
                 variable = dataset.data_vars.get(name)
                 if variable is not None and variable.attrs.get("standard_name", "") == standard:
                     try:
-                        component = read_component(file, dataset, name, index=index)
+                        component = read_component(
+                            file, dataset, name, index=index, quantity=quantity
+                        )
                         components.append(replace(component, beside=beside[file]))
                     except ValueError as error:
                         faults.append(f"{file.name}: {error}")
@@ -488,8 +465,9 @@ def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") 
     (standard, name), (direction, _) = pair
     u, v = contents.u[0][0], contents.v[0][0]
     if _is_direction(datasets[v.file][v.name]):
-        return "from" if "from" in direction else "to"
-    if isinstance(u.grid, Axes) or len(u.grid.dims) == 1:
+        is_from = "from" in direction or not (direction or u.quantity.is_current)
+        return "from" if is_from else "to"
+    if isinstance(u.grid, Axes) or len(u.grid.dims) == 1 or u.name == v.name:
         return "east"
     if standard or name.lower() in _GRID_NAMES:
         return "east" if "eastward" in standard else "lines"
@@ -512,13 +490,13 @@ def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") 
 
 
 def _find_pair(
-    datasets: "Sequence[xr.Dataset]", asked: tuple[str, str] | None
+    datasets: "Sequence[xr.Dataset]", asked: tuple[str, str] | None, quantity: Quantity
 ) -> tuple[_Pair, tuple[Note, ...]]:
     """Find the two components, (standard name, name) each, with notes; ValueError without a pair.
 
     A pair that is asked for by its names is taken, unless the file calls it something else. Of
-    several pairs a total is taken; if there is none, the first in the order of the standard names
-    above, and then of the names.
+    several pairs a total is taken; if there is none, the first in the order of the standard names,
+    and then of the names.
     """
     said = {
         (str(array.attrs.get("standard_name", "")), str(name)): tuple(
@@ -536,16 +514,19 @@ def _find_pair(
         named = (by_name[asked[0]], by_name[asked[1]])
         _refuse_other(named, said)
         return named, tuple(_notes(named, said, (), is_asked=True))
-    pairs = list(_pairs({of for of, texts in said.items() if not any(map(_is_other, texts))}))
+    if not quantity.is_current:
+        return _found(set(said), listed, quantity), ()
+    water = {of for of, texts in said.items() if not any(map(_is_other, texts))}
+    pairs = list(_pairs(water, quantity))
     if not pairs:
-        for named in _pairs(set(said)):
+        for named in _pairs(set(said), quantity):
             _refuse_other(named, said)
         raise ValueError(
             f"it has no pair of current components among {', '.join(listed) or 'no variables'}; "
-            f"needed are the standard names {' and '.join(_STANDARD_NAMES[0])}, or variables "
-            f"called {', '.join(map('/'.join, _VARIABLE_NAMES[:_MAX_GROUPS]))} and the like: give "
-            "a file of currents, correct its names, or name the two (--current-variables U,V, or "
-            "current_variables in a season)"
+            f"needed are the standard names {' and '.join(quantity.standard_names[0])}, or "
+            f"variables called {', '.join(map('/'.join, quantity.variable_names[:_MAX_GROUPS]))} "
+            "and the like: give a file of currents, correct its names, or name the two "
+            "(--current-variables U,V, or current_variables in a season)"
         )
     text = {of: " ".join((of[1], *texts)).lower() for of, texts in said.items()}
     pair = max(pairs, key=lambda candidate: bool(re.search(_SUM, text[candidate[0]])))
@@ -553,11 +534,35 @@ def _find_pair(
     return pair, tuple(_notes(pair, said, sorted({*also, *itertools.chain(*pairs)} - {*pair})))
 
 
-def _pairs(variables: set[_Variable]) -> Iterator[_Pair]:
+def _found(variables: set[_Variable], listed: Sequence[str], quantity: Quantity) -> _Pair:
+    """Return the first pair of a quantity that is no current; ValueError without one.
+
+    A name that its files mostly have is enough, whatever standard name stands with it.
+    """
+    bare = {("", name): (standard, name) for standard, name in variables}
+    for pair in _pairs(variables, quantity):
+        return pair
+    for first, second in _pairs(set(bare), quantity):
+        return bare[first], bare[second]
+    names = dict.fromkeys(itertools.chain(*quantity.standard_names[:1]))
+    own = ", ".join("/".join(dict.fromkeys(pair)) for pair in quantity.variable_names[:_MAX_GROUPS])
+    raise ValueError(
+        f"it has no {quantity.name} among {', '.join(listed) or 'no variables'}; needed is the "
+        f"standard name {' with '.join(names)}, or a variable called {own} or the like: give a "
+        f"file of the {quantity.name}, or correct its names"
+    )
+
+
+def _pairs(variables: set[_Variable], quantity: Quantity) -> Iterator[_Pair]:
     """Find pairs by their standard names and, of variables without one, by their names."""
-    for names in (*_STANDARD_NAMES, *_POLAR_NAMES, ("", "")):
+    every: tuple[Pair, ...] = (*quantity.standard_names, *quantity.polar_names, ("", ""))
+    for names in every:
         u, v = ({name.lower(): (of, name) for of, name in variables if of == own} for own in names)
-        known = [(u[east], v[north]) for east, north in _VARIABLE_NAMES if east in u and north in v]
+        known = [
+            (u[east], v[north])
+            for east, north in quantity.variable_names
+            if east in u and north in v
+        ]
         if names[0] and len(u) == len(v) == 1:
             known = list(zip(u.values(), v.values(), strict=True))
         if names[0] and u and v and not known:

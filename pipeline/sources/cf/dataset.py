@@ -1,4 +1,4 @@
-"""Open the user's files of currents: NetCDF, Zarr, GRIB; report damage in one line, limit sizes.
+"""Open the user's files of fields: NetCDF, Zarr, GRIB; report damage in one line, limit sizes.
 
 Libraries raise errors of many kinds about damaged files, and read any size that a file declares. So
 they are called only in this module or inside `reading`, after a check of the sizes.
@@ -29,6 +29,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.machine.workers import Worker, WorkerEndedError
 from pipeline.sources.cf import grib, rasters, s100
+from pipeline.sources.quantities import CURRENT, Quantity
 from pipeline.texts import acts, clean
 
 if TYPE_CHECKING:
@@ -88,14 +89,16 @@ def reading() -> Iterator[None]:
             raise ValueError(f"it can't be read: {reason}; fetch it again") from None
 
 
-def open_dataset(path: Path) -> "xr.Dataset":
+def open_dataset(path: Path, quantity: Quantity = CURRENT) -> "xr.Dataset":
     """Open a file without reading values or decoding times; ValueError where that fails.
+
+    Of a GRIB file the dataset has the fields of one quantity.
 
     Attributes become clean text, as damaged ones may be anything.
     """
     import xarray as xr
 
-    if (converted := _converted(path)) is not None:
+    if (converted := _converted(path, quantity)) is not None:
         return converted
     with reading():
         store = _store(path)
@@ -129,15 +132,15 @@ def open_dataset(path: Path) -> "xr.Dataset":
     return dataset
 
 
-def open_together(path: Path, beside: Sequence[Path]) -> "xr.Dataset":
+def open_together(path: Path, beside: Sequence[Path], quantity: Quantity = CURRENT) -> "xr.Dataset":
     """Open a file with what others add to it; ValueError where one of them can't be opened.
 
     Tiles of S-100 become one mesh of points. Any other file lends the variables that this one
     lacks and has the dimensions for: its mesh, its positions, its mask.
     """
     if not beside:
-        return open_dataset(path)
-    opened = [open_dataset(one) for one in (path, *beside)]
+        return open_dataset(path, quantity)
+    opened = [open_dataset(one, quantity) for one in (path, *beside)]
     if s100.is_from_s100(opened[0]):
         return s100.joined(opened)
     whole, *lenders = opened
@@ -156,13 +159,13 @@ def open_together(path: Path, beside: Sequence[Path]) -> "xr.Dataset":
     return whole
 
 
-def _converted(path: Path) -> "xr.Dataset | None":
+def _converted(path: Path, quantity: Quantity) -> "xr.Dataset | None":
     """Return a dataset made of a file of another format; None for NetCDF and Zarr."""
     if is_grib(path):
         grib.require_library()
         with reading():
-            read = grib.read_fields(path)
-        return grib.as_dataset(path, read)
+            read = grib.read_fields(path, quantity)
+        return grib.as_dataset(path, read, quantity)
     with reading():
         if not path.is_file():
             return None

@@ -468,7 +468,8 @@ class FieldReader:
                 some = numbers[begin : begin + self._most]
                 u_steps, v_steps, numbered = zip(*some, strict=True)
                 first = self._source_values(parts[0], u_steps)
-                second = self._source_values(parts[1], v_steps)
+                is_one = parts[0].name == parts[1].name  # a quantity without direction
+                second = np.zeros_like(first) if is_one else self._source_values(parts[1], v_steps)
                 yield list(numbered), np.stack(self._east_and_north(first, second), axis=1)
 
     def _east_and_north(self, first: FloatArray, second: FloatArray) -> list[FloatArray]:
@@ -564,7 +565,7 @@ class FieldReader:
         file = component.file
         if file not in self._open:
             self._close_all_but(_MAX_OPEN - 1)
-            self._open[file] = open_together(file, component.beside)
+            self._open[file] = open_together(file, component.beside, component.quantity)
         return self._open[file]
 
     def _close_all_but(self, count: int) -> None:

@@ -1,4 +1,4 @@
-"""GRIB files of currents, editions 1 and 2, as datasets by the CF conventions.
+"""GRIB files of currents, wind and waves, editions 1 and 2, as datasets by the CF conventions.
 
 They are read by ecCodes itself. cfgrib (0.9.15), which is built on it, is not used: it knows
 variables by ECMWF's names, of which the WMO's components of a current have none, and so makes one
@@ -11,7 +11,7 @@ under any centre and version of table 2, and on several kinds of level.
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,39 +21,23 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from pipeline._types import FloatArray
+from pipeline.sources.quantities import (
+    DIRECTION,
+    EAST,
+    NORTH,
+    QUANTITIES,
+    SIZE,
+    SPEED,
+    Quantity,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_EAST = "eastward"
-_NORTH = "northward"
-_SPEED = "speed"
-_DIRECTION = "direction"
-# Components by their parameter: a number in edition 1, whose tables from version 128 on are a
-# centre's own; discipline, category and number in edition 2.
-_PARAMETERS: Mapping[tuple[int, ...], str] = {
-    (49,): _EAST,
-    (50,): _NORTH,
-    (10, 1, 2): _EAST,
-    (10, 1, 3): _NORTH,
-    (47,): _DIRECTION,
-    (48,): _SPEED,
-    (10, 1, 0): _DIRECTION,
-    (10, 1, 1): _SPEED,
-}
+# Tables of edition 1 from this version on are a centre's own.
 _FIRST_LOCAL_TABLE = 128
-# Variables that components become: name, standard name and unit. The direction of a current is that
-# to which it runs.
-_VARIABLES = {
-    _EAST: ("uo", "eastward_sea_water_velocity", "m s-1"),
-    _NORTH: ("vo", "northward_sea_water_velocity", "m s-1"),
-    _SPEED: ("speed", "sea_water_speed", "m s-1"),
-    _DIRECTION: ("direction", "sea_water_velocity_to_direction", "degree"),
-}
-_NEEDED = (
-    "the components of a current: 49 and 50 in GRIB 1, 10/1/2 and 10/1/3 in GRIB 2, or its "
-    "direction and speed: 47 and 48, or 10/1/0 and 10/1/1"
-)
+# Components that belong together, in the order of preference.
+_PAIRS = ((EAST, NORTH), (SPEED, DIRECTION), (SIZE, SIZE))
 _REGULAR = "regular_ll"
 # Depth of each kind of level, m per unit. A lone level of another kind counts as the surface.
 _DEPTHS_M = dict.fromkeys(("surface", "meanSea", "oceanSurface"), 0.0)
@@ -124,7 +108,7 @@ class GribField:
 
 
 Read: TypeAlias = tuple[tuple[GribField, ...], tuple[str, ...], str]
-"""The currents of a file, the names of its other parameters, and its centre."""
+"""The fields of a quantity in a file, the names of its other parameters, and its centre."""
 
 
 def require_library() -> None:
@@ -161,8 +145,8 @@ def _messages(path: Path, offset: int = 0) -> Iterator[Iterator[int]]:
         yield handles()
 
 
-def read_fields(path: Path) -> Read:
-    """Read what a file says of its fields; errors of the library where it is damaged."""
+def read_fields(path: Path, quantity: Quantity) -> Read:
+    """Read what a file says of a quantity; errors of the library where it is damaged."""
     fields, others, centre = [], dict[str, None](), ""
     at, part = -1, 0
     with _messages(path) as handles:
@@ -172,8 +156,8 @@ def read_fields(path: Path) -> Read:
             if _get(handle, "centre", int) not in _NO_CENTRES:
                 centre = _get(handle, "centreDescription", str, "")
             parameter = _parameter(handle)
-            if parameter in _PARAMETERS:
-                fields.append(_field(handle, _PARAMETERS[parameter], at, part))
+            if parameter in quantity.grib:
+                fields.append(_field(handle, quantity.grib[parameter], at, part))
             else:
                 name = _get(handle, "name", str, "unknown")
                 number = f"parameter {'/'.join(map(str, parameter))}"
@@ -182,10 +166,11 @@ def read_fields(path: Path) -> Read:
 
 
 def check_values(path: Path) -> None:
-    """Read all values of a file's currents; errors of the library where they are damaged."""
-    for field in read_fields(path)[0]:
-        if field.grid.kind == _REGULAR and math.prod(field.grid.shape) <= _MAX_NODES:
-            _values(path, field)
+    """Read all values that are known; errors of the library where they are damaged."""
+    for quantity in QUANTITIES:
+        for field in read_fields(path, quantity)[0]:
+            if field.grid.kind == _REGULAR and math.prod(field.grid.shape) <= _MAX_NODES:
+                _values(path, field)
 
 
 def _get(handle: int, key: str, kind: type, default: Any = None) -> Any:  # noqa: ANN401 - untyped
@@ -201,7 +186,7 @@ def _get(handle: int, key: str, kind: type, default: Any = None) -> Any:  # noqa
 
 
 def _parameter(handle: int) -> tuple[int, ...]:
-    """Return a field's parameter: as in `_PARAMETERS`, or with the version of a centre's table."""
+    """Return a field's parameter, as in `Quantity.grib`."""
     if _get(handle, "edition", int) == 1:
         table = _get(handle, "table2Version", int)
         number = _get(handle, "indicatorOfParameter", int)
@@ -281,8 +266,8 @@ def _values(path: Path, field: GribField) -> FloatArray:
     return lines.T if grid.by_column else lines
 
 
-def as_dataset(path: Path, read: Read) -> "xr.Dataset":
-    """Return the currents as a dataset whose values are read when they are needed.
+def as_dataset(path: Path, read: Read, quantity: Quantity) -> "xr.Dataset":
+    """Return a quantity's fields as a dataset whose values are read when they are needed.
 
     Raises
     ------
@@ -292,10 +277,10 @@ def as_dataset(path: Path, read: Read) -> "xr.Dataset":
     import xarray as xr
 
     all_fields, others, centre = read
-    fields = _uppermost(all_fields, others)
+    fields = _uppermost(all_fields, others, quantity)
     grid = _one_grid(fields)
     there = {field.component for field in fields}
-    pair = (_SPEED, _DIRECTION) if not there & {_EAST, _NORTH} else (_EAST, _NORTH)
+    pair = next((two for two in _PAIRS if there & {*two}), _PAIRS[0])
     series = {component: _in_time(fields, component) for component in pair}
     times = {component: [field.time for field in own] for component, own in series.items()}
     if lacking := set(times[pair[0]]) ^ set(times[pair[1]]):
@@ -316,10 +301,10 @@ def as_dataset(path: Path, read: Read) -> "xr.Dataset":
         "reference": ((), newest, {"standard_name": "forecast_reference_time", **_SINCE}),
     }
     variables = {
-        _VARIABLES[component][0]: xr.Variable(
+        quantity.grib_names[component][0]: xr.Variable(
             ("time", level, "latitude", "longitude"),
             _lazy(path, own),
-            dict(zip(("standard_name", "units"), _VARIABLES[component][1:], strict=True)),
+            dict(zip(("standard_name", "units"), quantity.grib_names[component][1:], strict=True)),
         )
         for component, own in series.items()
     }
@@ -328,15 +313,21 @@ def as_dataset(path: Path, read: Read) -> "xr.Dataset":
     return xr.Dataset(variables, coordinates, {"institution": centre})
 
 
-def _uppermost(fields: Sequence[GribField], others: Sequence[str]) -> list[GribField]:
-    """Return the fields of the uppermost level; ValueError where they make no current."""
+def _uppermost(
+    fields: Sequence[GribField], others: Sequence[str], quantity: Quantity
+) -> list[GribField]:
+    """Return the fields of the uppermost level; ValueError where they can't be used."""
     if not fields:
         more = ", …" if len(others) > _MAX_NAMES else ""
         listed = ", ".join(others[:_MAX_NAMES]) or "no fields"
-        raise ValueError(f"it has {listed}{more}, and not {_NEEDED}")
-    if kinds := sorted({field.kind for field in fields} - {"instant", "avg"}):
+        raise ValueError(f"it has {listed}{more}, and not {quantity.grib_text}")
+    for level in quantity.levels:
+        if there := [field for field in fields if field.level == level]:
+            fields = there
+            break
+    if kinds := sorted({field.kind for field in fields} - quantity.kinds):
         raise ValueError(
-            f"its currents are neither those of a time nor means ({', '.join(kinds)}); give such"
+            f"its fields are neither those of a time nor means ({', '.join(kinds)}); give such"
         )
     if (members := len({field.member for field in fields})) > 1:
         raise ValueError(f"it is an ensemble of {members}; keep one member")
@@ -344,7 +335,7 @@ def _uppermost(fields: Sequence[GribField], others: Sequence[str]) -> list[GribF
     unknown = sorted({kind for kind, _ in levels} - _DEPTHS_M.keys())
     if unknown and len(levels) > 1:
         raise ValueError(
-            f"it has currents on {len(levels)} levels, some of the kind "
+            f"it has fields on {len(levels)} levels, some of the kind "
             f"{', '.join(unknown[:_MAX_NAMES])}; keep the surface alone"
         )
     least = min(field.depth_m for field in fields)
@@ -355,7 +346,7 @@ def _one_grid(fields: Sequence[GribField]) -> Grid:
     """Return the grid of fields; ValueError where they have several, or it can't be used."""
     grids = {field.grid for field in fields}
     if len(grids) > 1:
-        raise ValueError(f"its currents are on {len(grids)} grids; keep one of them")
+        raise ValueError(f"its fields are on {len(grids)} grids; keep one of them")
     grid = grids.pop()
     if grid.kind != _REGULAR:
         raise ValueError(

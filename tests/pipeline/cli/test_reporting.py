@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from pathlib import Path
@@ -11,13 +12,14 @@ import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import reporting as progress_module
+from pipeline.cli.answer import answer
 from pipeline.cli.main import app
 from pipeline.cli.reporting import progress
 from pipeline.findings.note_words import note_text
 from pipeline.model import Note
 from pipeline.run import Event, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
-from pipeline.scenario.loading import parse_scenario
+from pipeline.scenario.loading import load_scenario, parse_scenario
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 
@@ -111,34 +113,59 @@ def file(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_the_currents_that_were_used_and_not_used_stand_below_the_table(
+def test_the_answer_comes_first_then_the_sides_then_the_doubts(
     file: str, across_outputs: Path
 ) -> None:
     arguments = ["run", file, "--offline", "--output", str(across_outputs)]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert result.exit_code == 0
-    table, below = result.stdout.split("\n\n", 1)
-    assert table.startswith("season ")
-    assert below.startswith("Currents NOT used: summer: copernicus-glorys-monthly needs")
-    assert "needs the network" in below.splitlines()[0]
-    assert "- planned on Embedded " in below
-    assert "- routes keep an offing of" in below
-    assert "- no depths in this chart: the draught was not used" in result.stdout
-    assert "In report.html: 1 route." in result.stdout
+    said, table, doubts, written = result.stdout.split("\n\n")
+    assert re.match(r"(Go \w+ |The best route, ).*\d km \(", said.splitlines()[1])
+    assert table.startswith("way ")
+    assert len(table.splitlines()) == 2, "one class, one side"
+    current, *others = doubts.splitlines()
+    assert current.startswith("! Current of 2020-06-17, not 2024-07: Embedded ")
+    assert "not copernicus-glorys-monthly (why: --verbose)" in current
+    assert (
+        "! No depths in this chart: the draught was not used, and shoals are not avoided" in others
+    )
+    assert written.startswith(("Written to", "Unchanged in"))
+    assert len(result.stdout.splitlines()) <= 20
+
+
+def test_reasons_and_choices_are_told_if_they_are_asked_for(
+    file: str, across_outputs: Path
+) -> None:
+    arguments = ["run", file, "--offline", "--output", str(across_outputs), "--verbose"]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert "- copernicus-glorys-monthly: " in result.stdout
+    assert "needs the network" in result.stdout
+    assert "- planned on Embedded " in result.stdout
+    assert "- routes keep an offing of" in result.stdout
+    assert "In report.html: 1 route" in result.stdout
     assert "1 classes" not in result.stdout
     assert "1 routes" not in result.stdout
+
+
+def test_no_row_of_the_answer_is_wider_than_the_terminal(file: str, across_outputs: Path) -> None:
+    outcome = run(load_scenario(file), across_outputs, offline=True)
+    for width in (60, 80, 120):
+        for verbose in (False, True):
+            lines = answer(outcome, width, verbose=verbose).splitlines()
+            assert max(map(len, lines)) <= width
 
 
 def test_choices_are_reported_and_no_land_was_missed(tmp_path: Path) -> None:
     """A plane without obstacles: nothing to choose, and nothing to turn away from."""
     path = tmp_path / "open.toml"
     path.write_text(small_plane("open").replace("obstacles", "# obstacles"), encoding="utf-8")
-    arguments = ["run", str(path), "--output", str(tmp_path / "outputs")]
+    arguments = ["run", str(path), "--output", str(tmp_path / "outputs"), "--verbose"]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert result.exit_code == 0
-    head, row = result.stdout.splitlines()[:2]
-    assert head.split()[0] == "season"
-    assert row.split()[-1] == "-"
+    assert "Turns:" not in result.stdout
+    _, table, *_ = result.stdout.split("\n\n")
+    head, row = (re.split(" {2,}", line) for line in table.splitlines())
+    assert row[head.index("clear")] == "-"
 
 
 def test_strict_plans_nothing_on_a_stand_in(file: str, across_outputs: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 import shapely
 from matplotlib.text import Text
 
-from pipeline.cli.reporting import season_table
+from pipeline.cli.answer import answer
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.figures.kinds import Kind, figure
@@ -56,7 +56,7 @@ def said(texts: list[str]) -> list[str]:
 
 def terminal(result: RunResult, folder: Path) -> str:
     outcome = Outcome(result, folder, fresh=True, seconds=1.0)
-    return season_table(outcome) + outcome._repr_html_()
+    return answer(outcome, verbose=True) + outcome._repr_html_()
 
 
 def test_the_report_explains_no_go_areas_once(with_depths: RunResult) -> None:
@@ -121,12 +121,20 @@ def test_uncharted_water_in_the_chart_is_not_called_land(with_depths: RunResult)
     assert label(shapely.box(east + 0.1, south, east + 1, north)) == "land"
 
 
-def test_the_table_gives_the_fuel_of_other_routes_beside_the_best(tmp_path: Path) -> None:
+def test_the_table_gives_the_fuel_of_other_sides_beside_the_best(tmp_path: Path) -> None:
     result = small_run.parts()
     rows = rows_of(result)
     of_best = next(row for row in rows if row.rank == 1)
-    dear = with_rows(result, lambda _, row: replace(row, fuel=1.682e7 * (1 + 0.1 * (row.rank > 1))))
-    table = season_table(Outcome(dear, tmp_path, fresh=True, seconds=1.0))
-    assert "million" not in table
-    assert f"{100 * 1.682e7 / of_best.still_fuel:,.0f} %" in table
-    assert ("+10.0 %" in table) == any(row.main_passage != of_best.main_passage for row in rows)
+    has_sides = any(row.main_passage != of_best.main_passage for row in rows)
+
+    def told(more: float) -> str:
+        dear = with_rows(
+            result, lambda _, row: replace(row, fuel=1e7 * (1 + more * (row.rank > 1)))
+        )
+        return answer(Outcome(dear, tmp_path, fresh=True, seconds=1.0))
+
+    assert has_sides
+    assert "+10.0 %" in told(0.1)
+    assert "dearer" not in told(0.1)
+    assert "+30.0 %" not in told(0.3)
+    assert "more, at least 25% dearer" in told(0.3)

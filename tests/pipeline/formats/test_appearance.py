@@ -87,10 +87,12 @@ def test_seasons_differ_for_every_colour_vision(vision: str, colours: tuple[str,
     assert apart[colours[0], colours[1]] > 0.2
 
 
-def test_seasons_stand_out_from_water() -> None:
+@pytest.mark.parametrize("ground", ["water", "land", "nogo"])
+def test_lines_stand_out_from_land_and_sea(ground: str) -> None:
     """WCAG asks for a contrast of 3 between graphics and what is around them."""
-    assert min(contrast(colour, COLOURS["water"]) for colour in SEASON_COLOURS) > 3
-    assert min(contrast(colour, DARK["water"]) for colour in SEASON_COLOURS_ON_DARK) > 3
+    for colours, seasons in ((COLOURS, SEASON_COLOURS), (DARK, SEASON_COLOURS_ON_DARK)):
+        lines = (*seasons, colours["other"], colours["ink"], colours["narrow"])
+        assert min(contrast(colour, colours[ground]) for colour in lines) > 3
 
 
 def test_more_seasons_than_colours() -> None:

@@ -19,9 +19,9 @@ def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
     assert len(rows) == len(rows_of(result))
     # Passages are in the file as one text.
     names = {column: COLUMNS[column].attribute for column in figure_columns("csv")}
-    assert set(names.values()) - {"way"} == {field.name for field in fields(RouteMetrics)} - {
-        "passages"
-    }
+    assert set(names.values()) - {"way", "main_passage"} == {
+        field.name for field in fields(RouteMetrics)
+    } - {"passages"}
     for row, metrics in zip(rows, rows_of(result), strict=True):
         for column, name in names.items():
             value = getattr(metrics, name)

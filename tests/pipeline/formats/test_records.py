@@ -19,6 +19,7 @@ from pipeline.findings.result import RunResult
 from pipeline.formats.records import (
     _ibm_below,
     _message,
+    _product,
     has_grib,
     manifest,
     write_grib,
@@ -172,6 +173,7 @@ def fields(path: Path) -> list[dict[str, object]]:
         while (handle := eccodes.codes_grib_new_from_file(file)) is not None:
             points = eccodes.codes_grib_get_data(handle)
             keys = ("indicatorOfParameter", "dataDate", "dataTime", "step", "missingValue")
+            keys += ("validityDate", "validityTime")
             found.append(
                 {key: eccodes.codes_get(handle, key) for key in keys}
                 | {"level": eccodes.codes_get(handle, "typeOfLevel")}
@@ -242,7 +244,11 @@ def test_a_current_that_changes_has_a_field_at_each_of_its_times(
     run = with_case(run, "summer", departure=TIME)
     write_grib(run.case("summer"), tmp_path / "c.grb")
     found = fields(tmp_path / "c.grb")
-    said = [(one["dataDate"], one["dataTime"], one["indicatorOfParameter"]) for one in found]
+    # A plotter takes the fields of one reference time for one forecast; steps are whole hours.
+    references = [(one["dataTime"], one["step"]) for one in found[::2]]
+    assert references == [(2245, 0), (2245, 1), (2315, 2)]
+    valid = [(one["validityDate"], one["validityTime"]) for one in found]
+    said = [(*one, field["indicatorOfParameter"]) for one, field in zip(valid, found, strict=True)]
     days = [(20240731, 2245), (20240731, 2345), (20240801, 115)]
     assert said == [(*day, number) for day in days for number in (49, 50)]
     for one, seconds in zip(found[::2], times, strict=True):
@@ -288,7 +294,7 @@ def test_values_are_packed_to_half_a_step(values: list[float]) -> None:
     array = np.array(values).reshape(2, 3)
     known = np.array([[True, True, False], [True, True, True]])
     lon, lat = np.array([-1000, 0, 1000]), np.array([-500, 500])
-    found = values_of(_message(49, TIME, lon, lat, array, known))
+    found = values_of(_message(_product(49, TIME, 0), lon, lat, array, known))
     step = max(float(np.ptp(array[known])), 1e-6) / 65535 * 2
     for one, expected, is_known in zip(found, values, known.reshape(-1), strict=True):
         assert (one is not None) == is_known

@@ -12,8 +12,8 @@ import shapely
 from hypothesis import given, strategies as st
 
 import renew
+from pipeline.findings.sentences import clock_text
 from pipeline.findings.text import percent
-from pipeline.formats.report.sentences import clock_text
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
 from pipeline.model import Case, CaseResult, ClockWorth, Water
 from pipeline.run import Outcome

@@ -1,22 +1,22 @@
 // Decodes the page's data: `map_data.py` writes places and values as whole numbers, each the
-// difference to the one before.
+// difference to the one before. Places are [y, x], in metres of the chart's plane; on a map of the world they are degrees.
 
-/** Running sums of a flat x, y, dx, dy, ... as places in metres: [y, x], in Leaflet's order. */
-function readLine(moves, stepM, place = (y, x) => [y, x]) {
+/** Running sums of a flat x, y, dx, dy, ... as places [y, x], in Leaflet's order. */
+function readLine(moves, step, place = (y, x) => [y, x]) {
   const places = new Array(moves.length / 2);
   let x = 0;
   let y = 0;
   for (let i = 0; i < places.length; i += 1) {
     x += moves[2 * i];
     y += moves[2 * i + 1];
-    places[i] = place(y * stepM, x * stepM);
+    places[i] = place(y * step, x * step);
   }
   return places;
 }
 
 /** Read a ring as Leaflet's own objects: a coast has too many places to create each of them twice. */
-function readRing(moves, stepM) {
-  return readLine(moves, stepM, (y, x) => new L.LatLng(y, x));
+function readRing(moves, step) {
+  return readLine(moves, step, (y, x) => new L.LatLng(y, x));
 }
 
 /** Running sums of a series in its own unit; null if it has infinite values. */
@@ -27,11 +27,12 @@ function readSeries({ step, moves }) {
 }
 
 /** A route with its places, and its profile along them. */
-function readRoute(route, stepM) {
-  const read = { rank: route.rank, way: route.way, fuelUnit: route.fuelUnit };
-  for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], stepM);
-  read.narrow = route.narrow.map((line) => readLine(line, stepM));
-  read.soft = route.soft.map((ring) => readRing(ring, stepM));
+function readRoute(route, step) {
+  const { rank, way, side, isSide, excess, fuelUnit } = route;
+  const read = { rank, way, side, isSide, excess, fuelUnit };
+  for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], step);
+  read.narrow = route.narrow.map((line) => readLine(line, step));
+  read.soft = route.soft.map((ring) => readRing(ring, step));
   for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
     read[name] = readSeries(route[name]);
   }
@@ -39,65 +40,62 @@ function readRoute(route, stepM) {
 }
 
 /** Longitudes and latitudes, degrees, at the corners of a grid over the chart; its size is in metres. */
-function readPositions({ cells, unit, size, lon, lat }, stepM) {
+function readPositions({ cells, unit, size, lon, lat }, step) {
   const read = (moves) => readSeries({ step: unit, moves });
-  return { cells, size: size.map((steps) => steps * stepM), lon: read(lon), lat: read(lat) };
+  return { cells, size: size.map((steps) => steps * step), lon: read(lon), lat: read(lat) };
 }
 
-/** Width and height of the chart, metres. */
-function chartSize({ extent }, stepM) {
-  const places = extent.flatMap((ring) => readLine(ring, stepM));
-  return [1, 0].map((axis) => Math.max(...places.map((place) => place[axis])));
-}
-
-/** All data that the template put into the page. */
-function readData() {
-  const data = JSON.parse(document.getElementById("map-data").textContent);
-  const { stepM } = data;
-  const lines = (rings) => rings.map((ring) => readLine(ring, stepM));
+/** Read the data of a map. */
+function readData(data) {
+  const { step } = data;
+  const lines = (rings) => rings.map((ring) => readLine(ring, step));
+  const bounds = L.latLngBounds(lines(data.extent).flat());
   return {
+    globe: data.globe,
+    bounds,
+    size: [bounds.getEast() - bounds.getWest(), bounds.getNorth() - bounds.getSouth()],
     planar: data.planar,
     noGoName: data.noGoName,
     origin: data.origin,
     speedLimits: data.speedLimits,
     extent: lines(data.extent),
     sheet: lines(data.sheet),
-    beyond: data.beyond.map((ring) => readRing(ring, stepM)),
-    land: data.land.map((ring) => readRing(ring, stepM)),
-    noGo: data.noGo.map((ring) => readRing(ring, stepM)),
-    shoals: data.shoals.map((ring) => readRing(ring, stepM)),
-    hazards: data.hazards.map((ring) => readRing(ring, stepM)),
+    beyond: data.beyond.map((ring) => readRing(ring, step)),
+    land: data.land.map((ring) => readRing(ring, step)),
+    noGo: data.noGo.map((ring) => readRing(ring, step)),
+    shoals: data.shoals.map((ring) => readRing(ring, step)),
+    hazards: data.hazards.map((ring) => readRing(ring, step)),
     zones: data.zones.map((zone) => ({
       kind: zone.kind,
       text: zone.text,
-      area: zone.area.map((ring) => readRing(ring, stepM)),
+      area: zone.area.map((ring) => readRing(ring, step)),
       edges: lines(zone.edges),
     })),
-    start: readLine(data.start, stepM)[0],
-    goal: readLine(data.goal, stepM)[0],
-    via: data.via.map((place, at) => [readLine(place, stepM)[0], `Via ${at + 1}`]),
-    islands: data.islands.map(({ label, names, below, place }) => ({ label, names, below, place: readLine(place, stepM)[0] })),
-    positions: data.positions && readPositions(data.positions, stepM),
-    size: chartSize(data, stepM),
+    start: readLine(data.start, step)[0],
+    goal: readLine(data.goal, step)[0],
+    via: data.via.map((place, at) => [readLine(place, step)[0], `Via ${at + 1}`]),
+    islands: data.islands.map(({ label, names, below, place }) => ({ label, names, below, place: readLine(place, step)[0] })),
+    positions: data.positions && readPositions(data.positions, step),
     grid: data.grid.map((line) => ({
       label: line.label,
       meridian: line.meridian,
-      foot: readLine(line.foot, stepM)[0],
+      foot: readLine(line.foot, step)[0],
       parts: lines(line.parts),
     })),
     seasons: data.seasons.map((season) => ({
       title: season.title,
       current: season.current && {
         ...season.current,
-        corner: readLine(season.current.corner, stepM)[0],
-        spacing: season.current.spacing * stepM,
+        corner: readLine(season.current.corner, step)[0],
+        // In Leaflet's units at zoom 0: metres, or pixels of a map of the world.
+        spacing: season.current.spacing * (data.globe ? 1 : step),
       },
       havens: season.havens && {
-        places: season.havens.places.map(({ name, place }) => ({ name, place: readLine(place, stepM)[0] })),
+        places: season.havens.places.map(({ name, place }) => ({ name, place: readLine(place, step)[0] })),
         ways: lines(season.havens.ways),
-        stretches: season.havens.stretches.map(({ state, places }) => ({ state, places: readLine(places, stepM) })),
+        stretches: season.havens.stretches.map(({ state, places }) => ({ state, places: readLine(places, step) })),
       },
-      routes: season.routes.map((route) => readRoute(route, stepM)),
+      routes: season.routes.map((route) => readRoute(route, step)),
     })),
   };
 }

@@ -4,23 +4,22 @@
 // marks on them. Vessel and labels are in Leaflet's own panes above.
 const PANES = { water: 210, currents: 220, particles: 225, soft: 230, nogo: 235, land: 240, routes: 400, marks: 410 };
 const BARE_PANES = ["currents", "particles"];
-const ZOOM_RANGE = 8;
-// Time for which the hint on the wheel is shown, milliseconds.
-const HINT_MS = 1600;
 // Side of the part of the map that is shown around a place, as a share of the chart's shorter side.
 const SPOT_SHARE = 0.12;
 // Distance within which the labels of two places would overlap, as a share of that side.
 const NEAR_SHARE = 0.05;
-// Maximum length of the scale bar, in CSS pixels; at the largest zoom it stands for a metre.
+// Maximum length of the scale bar, in CSS pixels.
 const SCALE_BAR = 100;
-const MAX_ZOOM = Math.log2(SCALE_BAR);
 // Space for the parallels' labels, in CSS pixels: per letter, and beside the label.
 const LETTER_WIDTH = 6.5;
 const LABEL_GAP = 16;
 
-const ROUTE_SELECTED = { weight: 4, opacity: 1, dashArray: null };
-const ROUTE_UNSELECTED = { weight: 1.6, opacity: 0.6, dashArray: null };
-const ROUTE_OTHER_SEASON = { weight: 2.2, opacity: 0.85, dashArray: "6 6" };
+// Lines are opaque: thinner ones are less, not paler, so that each stands out from land and sea.
+const ROUTE_SELECTED = { weight: 4, dashArray: null };
+const ROUTE_HOVERED = { weight: 3.4, dashArray: null };
+const ROUTE_SIDE = { weight: 2.2, dashArray: null };
+const ROUTE_UNSELECTED = { weight: 1.3, dashArray: null };
+const ROUTE_OTHER_SEASON = { weight: 2.2, dashArray: "6 6" };
 // State of a stretch of the best route -> the role of its colour.
 const STATE_ROLES = { covered: "covered", "not settled": "unsettled", uncovered: "uncovered" };
 // The style sheet has this many colours for seasons, `--map-season0` on.
@@ -45,63 +44,48 @@ const NauticalScale = L.Control.Scale.extend({
 });
 
 class RouteMap {
-  /** Draw what all seasons share; `onSelect(season, index)` is called when a route is clicked. */
-  constructor(container, data, onSelect) {
-    this.data = data;
-    this.onSelect = onSelect;
-    const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.map = L.map(container, {
-      crs: L.CRS.Simple,
-      attributionControl: false,
-      zoomControl: false,
-      // One finger scrolls the page, two move the map.
-      dragging: !matchMedia("(pointer: coarse)").matches,
-      scrollWheelZoom: false,
-      zoomSnap: 0,
-      zoomDelta: 1,
-      wheelPxPerZoomLevel: 90,
-      minZoom: -30,
-      maxZoom: 30,
-      zoomAnimation: !reducedMotion,
-      fadeAnimation: false,
-      inertia: !reducedMotion,
-    });
+  /** `heard` has what is called with the season and index of a route: select, hover (without any: no more) and press. */
+  constructor(map, heard) {
+    this.map = map;
+    this.heard = heard;
+    this.drawn = [];
     // Leaflet rounds places to whole pixels, which makes stairs of lines with many places.
-    this.map.latLngToLayerPoint = (place) => this.map.project(place).subtract(this.map.getPixelOrigin());
+    map.latLngToLayerPoint = (place) => map.project(place).subtract(map.getPixelOrigin());
     this.renderers = {};
     for (const [name, height] of Object.entries(PANES)) {
       this.map.createPane(name).style.zIndex = height;
       if (!BARE_PANES.includes(name)) this.renderers[name] = L.canvas({ pane: name, padding: 0.2, tolerance: 6 });
     }
+    this.map.on("zoomend", () => this.thinMeridians());
+    this.showScale();
+  }
+
+  /** Draw what all seasons share, in place of what was drawn. */
+  load(data) {
+    this.clear();
+    this.data = data;
     this.readColours();
-    this.fit();
     this.drawWater();
     this.makeZones();
-    this.currents = new CurrentArrows(data.extent, data.speedLimits, (role) => this.colour(role));
-    this.currents.addTo(this.map);
-    this.particles = new CurrentParticles(data.extent, data.speedLimits, (role) => this.colour(role));
+    const [arrows, particles] = [CurrentArrows, CurrentParticles].map((Kind) => new Kind(data.extent, data.speedLimits, (role) => this.colour(role)));
+    this.currents = this.add(arrows);
+    this.particles = this.add(particles);
     this.makeRoutes();
     this.drawIslandLabels();
     this.drawStartAndGoal();
     this.vessel = this.makeVessel();
-    L.control.zoom({ position: "topright" }).addTo(this.map);
-    this.showScale();
-    this.listenToWheel(container);
   }
 
-  /** The wheel scrolls the page; with Ctrl (or Cmd) it zooms the map. */
-  listenToWheel(container) {
-    const hint = container.parentElement.querySelector(".wheel-hint");
-    const listen = (event) => {
-      const zooms = event.ctrlKey || event.metaKey;
-      this.map.scrollWheelZoom[zooms ? "enable" : "disable"]();
-      // Before Leaflet listens, too, Ctrl and the wheel must not zoom or scroll the page.
-      if (zooms) event.preventDefault();
-      hint.hidden = zooms;
-      clearTimeout(this.hiding);
-      this.hiding = setTimeout(() => { hint.hidden = true; }, HINT_MS);
-    };
-    container.addEventListener("wheel", listen, { capture: true, passive: false });
+  /** Draw nothing more. */
+  clear() {
+    for (const layer of this.drawn) layer.remove();
+    this.drawn = [];
+    this.data = null;
+  }
+
+  add(layer) {
+    this.drawn.push(layer);
+    return layer.addTo(this.map);
   }
 
   /** Show the scale bar in the reader's units. */
@@ -125,21 +109,10 @@ class RouteMap {
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
-  /** The colour of a season's routes. */
-  seasonColour(season) {
-    return this.colour(`season${season % SEASON_COLOURS}`);
-  }
-
-  /** Show the whole chart, and limit pan and zoom to it. */
-  fit() {
-    const bounds = L.latLngBounds(this.data.extent.flat());
-    const letters = this.data.grid.map(({ label, meridian }) => (meridian ? 0 : label.length));
-    const left = LABEL_GAP + LETTER_WIDTH * Math.max(0, ...letters);
-    this.map.setMinZoom(-30).setMaxZoom(30);
-    this.map.fitBounds(bounds, { animate: false, paddingTopLeft: [left, 14], paddingBottomRight: [56, 54] });
-    const zoom = this.map.getZoom();
-    this.map.setMinZoom(zoom - 0.5).setMaxZoom(Math.max(zoom, Math.min(zoom + ZOOM_RANGE, MAX_ZOOM)));
-    this.map.setMaxBounds(bounds.pad(0.5));
+  /** The role of a route's colour: its season's among several seasons, else its side's. */
+  role(season, index) {
+    const route = this.data.seasons[season].routes[index];
+    return `season${(this.data.seasons.length > 1 || !route ? season : route.side) % SEASON_COLOURS}`;
   }
 
   area(rings, pane, style) {
@@ -156,29 +129,29 @@ class RouteMap {
   drawWater() {
     const { extent, sheet, beyond, grid, land, noGo, shoals, hazards } = this.data;
     // Sea and land are drawn beyond the chart: a reader would take a blank for open water.
-    this.sheet = this.area(sheet, "water", {}).addTo(this.map);
-    this.beyond = this.area(beyond, "water", { stroke: true, weight: 0.7 }).addTo(this.map);
-    this.water = this.area(extent, "water", {}).addTo(this.map);
-    this.grid = grid.map((line) => this.line(line.parts, "water", { weight: 1 }).addTo(this.map));
-    this.noGo = this.area(noGo, "nogo", {}).addTo(this.map);
-    this.land = this.area(land, "land", { stroke: true, weight: 0.7 }).addTo(this.map);
+    this.sheet = this.add(this.area(sheet, "water", {}));
+    this.beyond = this.add(this.area(beyond, "water", { stroke: true, weight: 0.7 }));
+    this.water = this.add(this.area(extent, "water", {}));
+    this.grid = grid.map((line) => this.add(this.line(line.parts, "water", { weight: 1 })));
+    this.noGo = this.add(this.area(noGo, "nogo", {}));
+    this.land = this.add(this.area(land, "land", { stroke: true, weight: 0.7 }));
     // Shoals are no-go, so they lie inside the areas drawn as land.
-    this.shoals = this.area(shoals, "land", {}).addTo(this.map);
-    this.edge = this.area(extent, "land", { stroke: true, weight: 1, fill: false }).addTo(this.map);
+    this.shoals = this.add(this.area(shoals, "land", {}));
+    this.edge = this.add(this.area(extent, "land", { stroke: true, weight: 1, fill: false }));
     // The smallest are seen by their edges.
-    this.hazards = this.area(hazards, "land", { stroke: true, weight: 1.5 }).addTo(this.map);
+    this.hazards = this.add(this.area(hazards, "land", { stroke: true, weight: 1.5 }));
     this.meridians = [];
     for (const line of grid) {
       const direction = line.meridian ? "bottom" : "left";
-      const label = this.label(line.foot, line.label, "grid-label", direction).addTo(this.map);
+      const label = this.add(this.label(line.foot, line.label, "grid-label", direction));
       if (line.meridian) this.meridians.push(label);
     }
-    this.map.on("zoomend", () => this.thinMeridians());
     this.thinMeridians();
   }
 
   /** Show the labels of as many meridians as have room beside each other: of all, every second and so on. */
   thinMeridians() {
+    if (!this.data) return;
     const placed = this.meridians.map((label) => [this.map.latLngToLayerPoint(label.getLatLng()).x, label]);
     placed.sort(([one], [other]) => one - other);
     const gaps = placed.slice(1).map(([x], i) => x - placed[i][0]);
@@ -190,6 +163,7 @@ class RouteMap {
   /** Restricted areas and traffic schemes; only their edges react, since one may fill the whole map. */
   makeZones() {
     this.zones = L.featureGroup();
+    this.drawn.push(this.zones);
     for (const { kind, text, area, edges } of this.data.zones) {
       this.area(area, "soft", { fillOpacity: 0.06, kind }).addTo(this.zones);
       const edge = this.line(edges, "routes", { interactive: true, weight: 1.5, dashArray: "6 4", kind });
@@ -198,36 +172,43 @@ class RouteMap {
   }
 
   /** A permanent label beside a place. */
-  label(place, text, className, direction) {
+  label(place, text, className, direction, colour = "") {
     const options = { permanent: true, direction, className, opacity: 1, interactive: false };
-    return L.tooltip(options).setLatLng(place).setContent(element("span", "", text));
+    return L.tooltip(options).setLatLng(place).setContent(element("span", colour, text));
   }
 
   /** Lines for all routes of all seasons; `show` decides which are drawn. */
   makeRoutes() {
+    this.casing = this.line([], "routes", { opacity: 1, weight: 5 });
     this.halo = this.line([], "routes", { opacity: 0.95, weight: 8 });
+    this.drawn.push(this.casing, this.halo);
     this.routes = this.data.seasons.map((season, s) =>
       season.routes.map((route, r) => {
         const line = this.line(route.places, "routes", { interactive: true, smoothFactor: 0.4 });
         const name = `${season.title}, ${route.rank}${route.way && `: ${route.way}`}`;
         line.bindTooltip(element("span", "", name), { sticky: true, className: "route-label" });
-        return line.on("click", () => this.onSelect(s, r));
+        line.on("mouseover", () => this.heard.hover([s, r])).on("mouseout", () => this.heard.hover(null));
+        line.on("mousedown", (event) => this.heard.press?.(s, r, event));
+        // A click on a line is none on the map.
+        line.on("click", (event) => { L.DomEvent.stopPropagation(event); this.heard.select(s, r); });
+        this.drawn.push(line);
+        return line;
       }),
     );
+    this.hovered = null;
     this.soft = this.area([], "soft", {});
-    this.havens = L.layerGroup();
-    this.turns = L.layerGroup();
-    this.shores = L.layerGroup().addTo(this.map);
-    this.narrow = L.layerGroup().addTo(this.map);
-    this.closest = L.layerGroup();
-    this.spot = L.layerGroup().addTo(this.map);
+    for (const name of ["havens", "turns", "shores", "narrow", "closest", "spot", "prices"]) this[name] = this.add(L.layerGroup());
+    this.drawn.push(this.soft);
   }
 
   /** Label islands: those that distinguish ways by number or name, all others in names of classes smaller, by number. */
   drawIslandLabels() {
     this.classLabels = L.layerGroup();
+    this.drawn.push(this.classLabels);
     for (const { label, names, below, place } of this.data.islands) {
-      this.label(place, label, names ? "island-label" : "island-label minor", below ? "bottom" : "center").addTo(names ? this.map : this.classLabels);
+      const made = this.label(place, label, names ? "island-label" : "island-label minor", below ? "bottom" : "center");
+      if (names) this.add(made);
+      else made.addTo(this.classLabels);
     }
   }
 
@@ -243,16 +224,14 @@ class RouteMap {
 
   drawStartAndGoal() {
     this.endMarkers = [[this.data.start, "Start"], ...this.data.via, [this.data.goal, "Goal"]].map(([place, name]) => {
-      const marker = this.dot(place, { radius: 6, weight: 3, fillOpacity: 1 }).addTo(this.map);
-      this.label(place, name, "end-label", this.labelSide(place)).addTo(this.map);
-      return marker;
+      this.add(this.label(place, name, "end-label", this.labelSide(place)));
+      return this.add(this.dot(place, { radius: 6, weight: 3, fillOpacity: 1 }));
     });
   }
 
   /** The side of a place, towards the map's middle, on which a label fits. */
   labelSide(place) {
-    const bounds = L.latLngBounds(this.data.extent.flat());
-    return place[1] > bounds.getCenter().lng ? "left" : "right";
+    return place[1] > this.data.bounds.getCenter().lng ? "left" : "right";
   }
 
   dot(place, style) {
@@ -265,8 +244,7 @@ class RouteMap {
     const html = '<svg viewBox="-14 -14 28 28" aria-hidden="true"><path d="M0-11 7 10 0 6-7 10Z"/></svg>';
     const icon = L.divIcon({ className: "vessel", iconSize: [28, 28], html });
     const marker = L.marker(this.data.start, { icon, interactive: false, keyboard: false });
-    marker.addTo(this.map);
-    return marker;
+    return this.add(marker);
   }
 
   /** Move the vessel to a place; `bearing` is in degrees clockwise from the map's upward direction. */
@@ -308,23 +286,44 @@ class RouteMap {
     else layer.remove();
   }
 
-  /** The selected route bold on a halo, the season's others thin, other seasons' best ones dashed. */
+  /** The selected route bold on a halo, the season's others thin, other seasons' best ones dashed; prices at the best of each side. */
   showRoutes({ season, selected, shown, layers }) {
+    const { routes } = this.data.seasons[season];
+    const isSeveral = routes.some((one) => one.side > 0);
+    const cased = [];
+    this.prices.clearLayers();
     this.routes.forEach((lines, s) => {
       for (let r = lines.length - 1; r >= 0; r -= 1) {
         const mine = s === season;
         const on = mine ? shown(s, r) || r === selected : layers.others && r === 0;
         this.toggle(lines[r], on);
-        lines[r].setStyle(mine ? ROUTE_UNSELECTED : ROUTE_OTHER_SEASON);
+        lines[r].setStyle(!mine ? ROUTE_OTHER_SEASON : this.isHovered(s, r) ? ROUTE_HOVERED : routes[r].isSide ? ROUTE_SIDE : ROUTE_UNSELECTED);
         // Better routes lie over worse ones, in whatever order they are switched on.
         if (on) lines[r].bringToFront();
+        if (on && mine) cased.push(lines[r].getLatLngs());
+        if (on && mine && isSeveral && routes[r].isSide) this.showPrice(s, r);
       }
     });
-    const route = this.data.seasons[season].routes[selected];
+    this.casing.setLatLngs(cased).addTo(this.map).bringToBack();
+    const route = routes[selected];
     this.toggle(this.halo, Boolean(route));
     if (!route) return;
     this.halo.setLatLngs(route.places).bringToFront();
     this.routes[season][selected].setStyle(ROUTE_SELECTED).bringToFront();
+  }
+
+  isHovered(season, index) {
+    return this.hovered !== null && this.hovered[0] === season && this.hovered[1] === index;
+  }
+
+  /** Write how much more fuel a route needs than the best, where it is furthest from the routes of other sides. */
+  showPrice(season, index) {
+    const { routes } = this.data.seasons[season];
+    const { places, excess } = routes[index];
+    const others = routes.filter((one, r) => one.isSide && r !== index).flatMap((one) => one.places);
+    const apart = places.map(([y, x]) => Math.min(...others.map(([by, bx]) => Math.hypot(by - y, bx - x))));
+    const at = places[apart.indexOf(Math.max(...apart))];
+    this.label(at, index ? `+${formatDecimals(100 * excess, 1)} %` : "best", "price-label", "center", this.role(season, index)).addTo(this.prices);
   }
 
   /** Stretches without room to turn, hard-over turns, land of another shoreline, and the closest point to land. */
@@ -357,6 +356,7 @@ class RouteMap {
 
   /** Follow the page's change between light and dark. */
   changeScheme() {
+    if (!this.data) return;
     this.readColours();
     this.recolour();
     this.currents.redraw();
@@ -375,9 +375,9 @@ class RouteMap {
     this.edge.setStyle({ color: colour("frame") });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
     this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
-    this.routes.forEach((lines, s) => lines.forEach((line) => line.setStyle({ color: this.seasonColour(s) })));
-    this.halo.setStyle({ color: colour("halo") });
-    const accent = this.seasonColour(this.choice.season);
+    this.routes.forEach((lines, s) => lines.forEach((line, r) => line.setStyle({ color: colour(this.role(s, r)) })));
+    for (const one of [this.halo, this.casing]) one.setStyle({ color: colour("halo") });
+    const accent = colour(this.role(this.choice.season, this.choice.selected));
     for (const marker of this.endMarkers) marker.setStyle({ color: accent, fillColor: colour("halo") });
     this.turns.eachLayer((dot) => {
       const { hit } = dot.options;

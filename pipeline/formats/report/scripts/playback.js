@@ -7,9 +7,7 @@ const SPEAK_AFTER_MS = 700;
 
 class Playback {
   /** `onMove(now, share)` is called with the vessel's state whenever it changes. */
-  constructor(data, root, onMove) {
-    this.planar = data.planar;
-    this.noGoName = data.noGoName;
+  constructor(root, onMove) {
     this.onMove = onMove;
     this.button = root.querySelector("#play");
     this.slider = root.querySelector("#time");
@@ -27,9 +25,9 @@ class Playback {
     });
   }
 
-  /** Follow another route, at the same share of its time as the last one. */
-  follow(route) {
-    this.route = route;
+  /** Follow another route of a map's data, at the same share of its time as the last one. */
+  follow(route, { planar, noGoName }) {
+    Object.assign(this, { route, planar, noGoName });
     const idle = !route;
     this.button.disabled = idle;
     this.slider.disabled = idle;

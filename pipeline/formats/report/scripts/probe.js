@@ -39,19 +39,19 @@ function boxedRings(rings) {
   });
 }
 
-/** Whether a place [y, x] is inside rings, and the nearest place on them; null without any. */
-function nearestOn(boxes, [y, x]) {
+/** Whether a place [y, x] is inside rings, and the nearest place on them; null without any. `wide` is a step of x beside one of y. */
+function nearestOn(boxes, [y, x], wide) {
   let [least, nearest, turns] = [Infinity, null, 0];
   for (const { ring, west, south, east, north } of boxes) {
-    const aside = Math.max(west - x, x - east, 0);
+    const aside = wide * Math.max(west - x, x - east, 0);
     const above = Math.max(south - y, y - north, 0);
     if (aside * aside + above * above > least) continue;
     let from = ring[ring.length - 1];
     for (const to of ring) {
       const [dx, dy] = [to.lng - from.lng, to.lat - from.lat];
-      const along = Math.min(1, Math.max(0, ((x - from.lng) * dx + (y - from.lat) * dy) / (dx * dx + dy * dy || 1)));
+      const along = Math.min(1, Math.max(0, (wide * wide * (x - from.lng) * dx + (y - from.lat) * dy) / (wide * wide * dx * dx + dy * dy || 1)));
       const [px, py] = [from.lng + along * dx, from.lat + along * dy];
-      const apart = (px - x) ** 2 + (py - y) ** 2;
+      const apart = (wide * (px - x)) ** 2 + (py - y) ** 2;
       if (apart < least) [least, nearest] = [apart, [py, px]];
       const left = dx * (y - from.lat) - (x - from.lng) * dy;
       if (from.lat <= y && to.lat > y && left > 0) turns += 1;
@@ -63,18 +63,21 @@ function nearestOn(boxes, [y, x]) {
 }
 
 class Probe {
-  /** `data` is the page's; the readout is an element with a field for each figure. */
-  constructor(map, data, readout) {
+  /** The readout is an element with a field for each figure. */
+  constructor(map, readout) {
     this.map = map;
-    this.data = data;
     this.readout = readout;
     this.fields = new Map([...readout.querySelectorAll("[data-probe]")].map((field) => [field.dataset.probe, field]));
-    this.boxes = { land: null, noGo: null, soft: null };
     this.place = null;
     map.on("mousemove click", ({ latlng }) => this.look(latlng));
     map.on("mouseout", () => this.leave());
     map.on("focus moveend", () => this.leave());
     map.on("blur", () => this.leave());
+  }
+
+  load(data) {
+    this.data = data;
+    this.boxes = { land: null, noGo: null, soft: null };
   }
 
   /** Follow another season's current, and another route's soft no-go zone. */
@@ -86,6 +89,7 @@ class Probe {
 
   /** Show what is at a place, in the next frame. */
   look({ lat, lng }) {
+    if (!this.data) return;
     const waiting = this.place !== null && this.pending;
     this.place = [lat, lng];
     if (waiting) return;
@@ -116,11 +120,9 @@ class Probe {
 
   /** The figures as text; null outside the chart. */
   texts(place) {
-    const [width, height] = this.data.size;
-    if (place[0] < 0 || place[1] < 0 || place[0] > height || place[1] > width) return null;
-    const land = nearestOn(this.boxes.land, place);
-    const noGo = nearestOn(this.boxes.noGo, place);
-    const soft = nearestOn(this.boxes.soft, place);
+    if (!this.data.bounds.contains(place)) return null;
+    const wide = this.data.globe ? Math.cos(place[0] * DEGREE) : 1;
+    const [land, noGo, soft] = ["land", "noGo", "soft"].map((name) => nearestOn(this.boxes[name], place, wide));
     const dry = land !== null && land.inside;
     return {
       place: this.position(place),
@@ -132,21 +134,25 @@ class Probe {
 
   position(place) {
     if (this.data.planar) return `x ${formatNumber(place[1] + this.data.origin[0])} m, y ${formatNumber(place[0] + this.data.origin[1])} m`;
-    return formatLonLat(...lonLatAt(this.data.positions, place));
+    return formatLonLat(...this.lonLat(place));
+  }
+
+  lonLat(place) {
+    return this.data.globe ? [place[1], place[0]] : lonLatAt(this.data.positions, place);
   }
 
   /** True metres from a place to the nearest one found. */
   distance(found, place) {
     if (found === null) return ABSENT;
     if (this.data.planar) return formatClearance(Math.hypot(found.place[0] - place[0], found.place[1] - place[1]));
-    return formatClearance(Math.hypot(...northEast(lonLatAt(this.data.positions, place), lonLatAt(this.data.positions, found.place))));
+    return formatClearance(Math.hypot(...northEast(this.lonLat(place), this.lonLat(found.place))));
   }
 
   /** The current's speed, and the true direction that it sets to. */
   currentText([y, x]) {
     if (!this.current) return ABSENT;
-    const { corner, spacing } = this.current;
-    const velocity = interpolatedCurrent(this.current, (y - corner[0]) / spacing, (x - corner[1]) / spacing);
+    const at = this.map.project([y, x], 0).subtract(this.map.project(this.current.corner, 0)).divideBy(this.current.spacing);
+    const velocity = interpolatedCurrent(this.current, -at.y, at.x);
     if (!velocity) return "none known";
     const speed = Math.hypot(...velocity);
     return `${formatSpeed(speed)} to ${formatCourse(this.bearing([y, x], velocity))}`;
@@ -154,12 +160,9 @@ class Probe {
 
   /** True bearing, degrees, of a velocity along the map's axes. */
   bearing([y, x], [u, v]) {
-    if (this.data.planar) return (Math.atan2(u, v) / DEGREE + 360) % 360;
+    if (this.data.planar || this.data.globe) return (Math.atan2(u, v) / DEGREE + 360) % 360;
     const ahead = Math.min(...this.data.size) / (1000 * Math.hypot(u, v));
-    const [north, east] = northEast(
-      lonLatAt(this.data.positions, [y - v * ahead, x - u * ahead]),
-      lonLatAt(this.data.positions, [y + v * ahead, x + u * ahead]),
-    );
+    const [north, east] = northEast(this.lonLat([y - v * ahead, x - u * ahead]), this.lonLat([y + v * ahead, x + u * ahead]));
     return (Math.atan2(east, north) / DEGREE + 360) % 360;
   }
 }

@@ -60,9 +60,11 @@ def test_every_layer_has_a_description_and_is_in_lon_lat(package: Path) -> None:
 
 def test_routes_carry_the_evaluation(package: Path, result: RunResult) -> None:
     routes = layer(package, "routes")
-    assert set(routes.columns) - {"geometry", "speed_through_water_m_s", "current", "caveats"} == (
+    named_otherwise = {"speed_through_water_m_s", "side"}
+    assert set(routes.columns) - {"geometry", "current", "caveats"} - named_otherwise == (
         ROUTE_COLUMNS
     )
+    assert routes.side.tolist() == [metrics.main_passage for metrics in rows_of(result)]
     speeds = [metrics.speed_m_s for metrics in rows_of(result)]
     assert routes.speed_through_water_m_s.tolist() == speeds
     assert len(routes) == len(rows_of(result)) > 2

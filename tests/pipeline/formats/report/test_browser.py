@@ -139,7 +139,10 @@ def test_routes_switch_and_are_selected(reader: Reader, file: Path) -> None:
     page = reader.open(file)
     rows = page.locator("[data-routes='0'] li")
     assert "selected" in (rows.nth(0).get_attribute("class") or "")
+    still = drawn(page, "routes")
+    rows.nth(3).hover()  # its line stands out while the pointer is on its row
     before = drawn(page, "routes")
+    assert before != still
     rows.nth(3).locator("input").click()
     without = drawn(page, "routes")
     assert without != before

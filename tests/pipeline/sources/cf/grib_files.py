@@ -10,7 +10,8 @@ import xarray as xr
 
 from pipeline._types import FloatArray
 
-# Parameters of a current's components, of the wind's, and of a current's direction and speed.
+# Parameters of a current's components, of the wind's, of a current's direction and speed, of waves
+# and gusts.
 PARAMETERS: dict[str, dict[int, tuple[int, ...]]] = {
     "uo": {1: (49,), 2: (10, 1, 2)},
     "vo": {1: (50,), 2: (10, 1, 3)},
@@ -18,6 +19,8 @@ PARAMETERS: dict[str, dict[int, tuple[int, ...]]] = {
     "v10": {1: (34,), 2: (0, 2, 3)},
     "dirc": {1: (47,), 2: (10, 1, 0)},
     "spc": {1: (48,), 2: (10, 1, 1)},
+    "swh": {1: (100,), 2: (10, 0, 3)},
+    "gust": {1: (180,), 2: (0, 2, 22)},
 }
 _KEYS = {
     1: ("indicatorOfParameter",),

@@ -1,10 +1,13 @@
-"""The page's sentences on a case: why to take this way, how sure that is, and how safe."""
+"""Sentences on a case: why to take this way, how sure that is, and how safe."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from pipeline.findings import text
+from pipeline.findings.result import RunCase
 from pipeline.model import ClockWorth, GapShares, RouteMetrics
 
 # Difference, as a share, below which two lengths are printed alike.
@@ -13,15 +16,16 @@ _SAME_LENGTH = 5e-4
 _SAME_FUEL = 5e-4
 # Least share by which a bound exceeds the fuel that a sentence names.
 _TELLING = 1e-3
+_KILOMETRE_M = 1000.0
 # A current is not mentioned if its mean speed is below this share of the vessel's, and no route
 # gains or loses that much by it.
 _NO_CURRENT = 0.01
 
 
 # Why a route is taken though another needs less fuel: in narrow water, and by the sampled method.
-_ROOMIER = "it leaves more room to turn hard over, although another route needs less fuel"
+_ROOMIER = "It leaves more room to turn hard over, although another route needs less fuel"
 _LEAST_IN_THE_MEAN = (
-    "its class needs the least fuel in the mean, although another route needs less than this one"
+    "Its class needs the least fuel in the mean, although another route needs less than this one"
 )
 
 
@@ -69,40 +73,25 @@ class CaseFacts:
         """Say in one sentence why the best route is the one to take."""
         rival = self.rival
         if rival is None:
-            return "because no other class that was planned has a route."
-        if self.is_still or (self.lacks_current and self.best.length_m <= rival.length_m):
-            return f"because {self._still(rival)}."
+            return "No other class that was planned has a route."
+        than = rival.main_passage if rival.main_passage != self.best.main_passage else "the next"
+        length = _length_beside(self.best, rival, than)
+        if self.lacks_current and self.best.length_m <= rival.length_m:
+            return f"{length}; the current on the way is not known."
         if self.best.fuel > rival.fuel:
-            return f"because {_ROOMIER if self.is_narrow else _LEAST_IN_THE_MEAN}."
-        ours, theirs = (_gain(route) for route in (self.best, rival))
-        helped = f"the current {_effect_on(ours)} its speed and {_effect_on(theirs)} the other's"
-        if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
-            more = text.distance(self.best.length_m - rival.length_m)
-            return f"because {helped}: that outweighs {more} more."
-        if self.best.length_m >= rival.length_m * (1 - _SAME_LENGTH):
-            return f"because {helped}, over the same distance."
-        but = "and" if ours >= theirs else "although"
-        if _signed(ours) == _signed(theirs):
-            helped, but = f"the current {_effect_on(ours)} the speed on either route", "and"
-        return f"because {self._shorter(rival)}, {but} {helped}."
+            return f"{_ROOMIER if self.is_narrow else _LEAST_IN_THE_MEAN}."
+        if self.is_still:
+            return f"{length}; there is no current to speak of."
+        return f"{length}, {_current_beside(self.best, rival, 1)}."
 
     def why_dearer(self, route: RouteMetrics) -> str:
         """Say in one sentence why a route needs more fuel than the best; empty if it doesn't."""
-        best = self.best
-        if route.fuel <= best.fuel:
+        if route.fuel <= self.best.fuel:
             return ""
-        longer = route.length_m - best.length_m
-        is_alike = abs(longer) <= _SAME_LENGTH * best.length_m
-        length = f"{text.distance(abs(longer))} {'longer' if longer > 0 else 'shorter'}"
-        theirs, ours = (_effect_on(_gain(one)) for one in (route, best))
-        current = f"the current {theirs} its speed and {ours} the best route's"
+        length = _length_beside(route, self.best, "the best route")
         if self.is_still or self.lacks_current:
-            return f"because it is {length} than the best route."
-        if is_alike:
-            return f"because {current}, over the same distance."
-        if longer > 0:
-            return f"because it is {length} than the best route, and {current}."
-        return f"because {current}, although it is {length}."
+            return f"{length}."
+        return f"{length}, {_current_beside(route, self.best, -1)}."
 
     def lead(self) -> str:
         """Say how much more fuel the closest rival needs; empty where it needs no more."""
@@ -118,36 +107,27 @@ class CaseFacts:
         if rival is None or rival.main_passage == self.best.main_passage:
             return ""
         if self.lacks_current:
-            return "The side is not proven: the current on the way is not known."
-        if self.other_sides_fuel is not None and self.other_sides_fuel > self.best.fuel:
-            more = self.other_sides_fuel / self.best.fuel - 1
+            return "Not proven: the current on the way is not known."
+        bound, best = self.other_sides_fuel, self.best
+        if bound is not None and bound > best.fuel:
+            more = bound / best.fuel - 1
             # The bound may be hardly above the best route's fuel.
             needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
-            return (
-                "The side is proven, within the chart and in this current: any way on the other "
-                f"side needs {needs} fuel."
-            )
-        if self.other_sides_fuel is not None:
-            return (
-                "The side is not proven: it is only known that no way on the other side saves "
-                f"more than {text.at_most_percent(1 - self.other_sides_fuel / self.best.fuel)}."
-            )
-        if not self.best.optimality_gap <= text.USEFUL_GAP:
-            return (
-                "The side is not proven: no useful lower bound on the other side's fuel is known."
-            )
-        saved = self.best.optimality_gap / (1 + self.best.optimality_gap)
-        return (
-            "The side is not proven: it is only known that no way on any side saves more than "
-            f"{text.at_most_percent(saved)}."
-        )
+            return f"Proven in this current: any way on the other side needs {needs}."
+        if bound is not None:
+            most = text.at_most_percent(1 - bound / best.fuel)
+            return f"Not proven: a way on the other side may save up to {most}."
+        if not best.optimality_gap <= text.USEFUL_GAP:
+            return "Not proven: no useful bound on the fuel of the other side is known."
+        most = text.at_most_percent(best.optimality_gap / (1 + best.optimality_gap))
+        return f"Not proven: a way on any side may save up to {most}."
 
     def verdict(self) -> tuple[str, ...]:
         """Explain why the best route was chosen, how sure that is, and how safe it is."""
         best, others, rival = self.best, self.routes[1:], self.rival
         is_side = rival is not None and rival.main_passage != best.main_passage
         name = f"The way {best.main_passage}" if is_side else "The best route"
-        sentences = [f"{name} is the one to take {self.because()}"]
+        sentences = [f"{name} is the one to take.", self.because()]
         if lead := self.lead():
             sentences.append(f"{lead}.")
         if certain := self.certainty():
@@ -183,25 +163,50 @@ class CaseFacts:
             return f"the best way {rival.main_passage}"
         return "the next best route"
 
-    def _still(self, rival: RouteMetrics) -> str:
-        """Say that length decides: no current is known, or it is too weak to matter."""
-        shorter = self._shorter(rival)
-        if self.is_narrow and self.best.fuel > rival.fuel:
-            return _ROOMIER
-        if self.lacks_current:
-            return f"{shorter}; the current on the way is not known"
-        return (
-            f"there is no current to speak of ({self.current_speed:.3f} m/s in the mean), and "
-            f"{shorter}"
-        )
 
-    def _shorter(self, rival: RouteMetrics) -> str:
-        """Say how the best route's length compares with its rival's."""
-        less = rival.length_m - self.best.length_m
-        if abs(less) <= _SAME_LENGTH * self.best.length_m:
-            return f"it is as long as {self._rival_name(rival)}"
-        side = "shorter" if less > 0 else "longer"
-        return f"it is {text.distance(abs(less))} {side} than {self._rival_name(rival)}"
+def case_facts(case: RunCase) -> CaseFacts | None:
+    """Gather the facts for a case's sentences; None without a route."""
+    if not case.routes:
+        return None
+    speeds = np.hypot(*case.current_samples()[1].T)
+    return CaseFacts(
+        [one.metrics for one in case.routes],
+        float(speeds.mean()) if len(speeds) else 0.0,
+        case.measures.gap_shares,
+        case.measures.clock_worth,
+        case.side_bound,
+        case.lacks_current,
+        is_narrow=bool(case.measures.narrow),
+    )
+
+
+def _length_beside(one: RouteMetrics, other: RouteMetrics, than: str) -> str:
+    """Say how a route's length compares with another's, which is called `than`."""
+    less = other.length_m - one.length_m
+    if abs(less) <= _SAME_LENGTH * one.length_m:
+        return f"As long as {than}"
+    kilometres = abs(less) >= _KILOMETRE_M
+    by = text.number(abs(less) / (_KILOMETRE_M if kilometres else 1.0), 3)
+    unit = "km" if kilometres else "m"
+    return f"{by} {unit} {'shorter' if less > 0 else 'longer'} than {than}"
+
+
+def _current_beside(one: RouteMetrics, other: RouteMetrics, sign: int) -> str:
+    """Say what the current does to the speed on two routes.
+
+    `sign` is 1 if the first needs less fuel, and -1 if it needs more: it sets the conjunction.
+    """
+    ours, theirs = _gain(one), _gain(other)
+    if _signed(ours) == _signed(theirs):
+        return f"and the current {_effect(ours)} on both"
+    less = sign * (other.length_m - one.length_m)
+    if less < -_SAME_LENGTH * one.length_m:
+        joined = "but"
+    else:
+        joined = "and" if sign * (ours - theirs) >= 0 else "although"
+    is_alike = ours * theirs > 0 and round(theirs, 2) and round(ours, 2)
+    there = f"{abs(theirs):.2f}" if is_alike else _effect(theirs)
+    return f"{joined} the current {_effect(ours)} ({there} there)"
 
 
 def clock_text(worth: ClockWorth) -> str:
@@ -263,12 +268,11 @@ def _gain(route: RouteMetrics) -> float:
     return gain if math.isfinite(gain) else 0.0
 
 
-def _effect_on(gain: float) -> str:
-    """Say how a current's gain, m/s, changes a speed, which the sentence names next."""
+def _effect(gain: float) -> str:
+    """Say what a current does to the speed by its gain, m/s."""
     if round(gain, 2) == 0:
-        return "adds nothing to"
-    verb, preposition = ("takes", "from") if gain < 0 else ("adds", "to")
-    return f"{verb} {abs(gain):.2f} m/s {preposition}"
+        return "adds nothing"
+    return f"{'takes' if gain < 0 else 'adds'} {abs(gain):.2f} m/s"
 
 
 def _difference(value: float, than: float) -> str:

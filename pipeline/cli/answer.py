@@ -1,0 +1,268 @@
+"""A run's answer on a terminal: which way and how sure, the best way on each side, and doubts."""
+
+from collections.abc import Iterator, Sequence
+
+from pipeline.cli.terminal import table, wrapped
+from pipeline.findings import text
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RankedRoute, RunCase
+from pipeline.findings.sentences import case_facts
+from pipeline.model import Note
+from pipeline.run import Outcome
+
+# A side that needs more than this share more fuel than the best is not listed.
+_DEAR = 0.25
+# Difference of fuel from still water, as a share, below which it counts as none.
+_AS_IN_STILL = 5e-3
+# If the longest route is shorter than this, lengths are in metres, not kilometres.
+_SHORT_M = 10_000.0
+_NAUTICAL_MILE_M = 1852.0
+# Kinds of choices that answer a question of the user; the others stand with `--verbose`.
+_ANSWERS = frozenset(
+    {"departure-chosen", "departure-in-mean", "speeds-chosen", "how-sure", "replanned"}
+)
+# Largest number of doubts that are printed without `--verbose`; the others are counted.
+_DOUBTS = 6
+
+
+def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False) -> str:
+    """Return the text that a run prints.
+
+    First the title, which says the places of a voyage as they were read; for each case the way to
+    take, why, and how sure that is; then a table with the best
+    route on each side of the main island, without sides that are much dearer; then a line for each
+    doubt. With `verbose` the reasons, choices and places follow. Lines are broken at `width`, in
+    characters, if it is given.
+    """
+    result = outcome.result
+    lines = [outcome.scenario.title or outcome.scenario.name]
+    lines += [line for case in result.cases for line in _way(case, outcome)]
+    told, chosen = _parted(result.choices)
+    lines += [f"  {text.capitalised(line)}." for line in note_texts(told)]
+    lines = wrapped("\n".join(lines), width).splitlines()
+    lines += ["", *_sides(outcome, width)]
+    doubts = [f"! {text.capitalised(doubt)}" for doubt in _doubts(outcome)]
+    if not verbose and len(doubts) > _DOUBTS:
+        doubts[_DOUBTS - 1 :] = [f"! And {len(doubts) - _DOUBTS + 1} more doubts: add --verbose"]
+    lines += [""] * bool(doubts) + wrapped("\n".join(doubts), width).splitlines()
+    if verbose:
+        lines += wrapped("\n".join(_details(outcome, chosen)), width).splitlines()
+    return "\n".join(lines)
+
+
+def _way(case: RunCase, outcome: Outcome) -> Iterator[str]:
+    """Yield a case's answer: the way and its figures, its times, the reason, and how sure it is."""
+    about = f"{text.season_name(case.name)}: " if len(outcome.result.cases) > 1 else ""
+    facts = case_facts(case)
+    if facts is None:
+        yield text.capitalised(f"{about}no route: {case.result.failure}")
+        return
+    best = facts.best
+    parts = [text.distance(best.length_m)]
+    if best.length_m >= _SHORT_M:
+        miles = text.number(best.length_m / _NAUTICAL_MILE_M, 3)
+        parts[0] = f"{text.number(best.length_m / 1000, 3)} km ({miles} NM)"
+    parts += [text.days(best.duration_s) or text.hours(best.duration_s), _fuel(case.routes[0])]
+    direction, _, rest = best.main_passage.partition(" ")
+    go = f"go {direction.upper()} {rest}" if rest else "the best route"
+    yield text.capitalised(f"{about}{go}, {', '.join(parts)}")
+    passage = outcome.scenario.passage(case.name, round(best.duration_s))
+    if passage is not None:
+        leave, arrive = text.exact_moment_text(passage[0]), text.moment_text(passage[1])
+        yield f"  Leave at {leave}, arrive at {arrive}."
+    yield f"  {facts.because()}"
+    if certain := facts.certainty():
+        yield f"  {certain}"
+
+
+def _fuel(ranked: RankedRoute) -> str:
+    """Say a route's energy and what is left, or the share of the fuel in still water."""
+    row = ranked.metrics
+    if row.energy is not None:
+        left = f", {text.fuel(row.left, row)} left" if row.left > 0 else ""
+        return f"{text.fuel(row.fuel, row)}{left}"
+    share = row.fuel / row.still_fuel
+    is_alike = abs(share - 1) < _AS_IN_STILL
+    return f"fuel {'as in' if is_alike else f'{text.percent(share)} of'} still water"
+
+
+def _sides(outcome: Outcome, width: int | None) -> list[str]:
+    """Return the table of the best route on each side, and how many much dearer ones it omits."""
+    unit = _length_unit(outcome)
+    several = len(outcome.result.cases) > 1
+    rows: list[tuple[str, ...]] = [
+        ("season", "way", "fuel", "length", "time", "clear", "gap", "route")
+    ]
+    dear = 0
+    for case in outcome.result.cases:
+        seen: set[str] = set()
+        for ranked in case.routes:
+            row = ranked.metrics
+            if row.main_passage in seen:
+                continue
+            seen.add(row.main_passage)
+            if row.fuel > (1 + _DEAR) * case.routes[0].metrics.fuel:
+                dear += 1
+            else:
+                rows.append(_row(ranked, unit))
+    left = 2 if several else 1
+    lines = table([row if several else row[1:] for row in rows], left, width)
+    if dear:
+        lines.append(f"{text.count(dear, 'side', 'sides')} more, at least {_DEAR:.0%} dearer")
+    return lines
+
+
+def _length_unit(outcome: Outcome) -> tuple[float, str]:
+    """Return the unit of lengths in the table, metres, and its name."""
+    longest = max((one.metrics.length_m for one in outcome.result.routes), default=0.0)
+    return (1.0, "m") if longest < _SHORT_M else (1000.0, "km")
+
+
+def _row(ranked: RankedRoute, unit: tuple[float, str]) -> tuple[str, ...]:
+    """Return one route's cells; fuel is above the case's best."""
+    row, case = ranked.metrics, ranked.case
+    more = row.fuel / case.routes[0].metrics.fuel - 1
+    return (
+        text.season_name(case.name),
+        row.main_passage or "-",
+        "best" if row.rank == 1 else f"{100 * more:+.1f} %",
+        f"{text.number(row.length_m / unit[0], 4)} {unit[1]}",
+        text.days(row.duration_s) or text.hours(row.duration_s),
+        text.clearance(row.clearance_m) if row.has_land else "-",
+        case.gap_figure(row),
+        str(row.rank),
+    )
+
+
+def _doubts(outcome: Outcome) -> Iterator[str]:
+    """Yield what a reader should doubt, the gravest first: one line each."""
+    result = outcome.result
+    crossed = _crossed(outcome)
+    over = {one.rank for case in result.cases for one in case.measures.shore_crossings}
+    if 1 in over:
+        yield from (f"OVER LAND of another chart: {line}" for line in note_texts(crossed))
+    yield from (f"NARROW: {line}" for line in note_texts(result.narrow_notes))
+    for case in result.cases:
+        met = [one.metrics for one in case.routes if one.rank == 1 and one.metrics.collisions]
+        yield from (text.turns_text(row) for row in met if not case.narrow(1))
+    lacking = [case.name for case in result.cases if case.lacks_current]
+    if lacking:
+        yield f"current NOT known{_of(lacking, outcome)}; nothing is proven for the real one"
+    yield from _stand_ins(outcome)
+    if crossed and 1 not in over:
+        routes = f"route{'s' * (len(over) > 1)} {', '.join(map(str, sorted(over)))}"
+        yield f"{routes}: over land of another shoreline (places: --verbose)"
+    others = [note for note in result.unknowns if note not in (*crossed, *result.narrow_notes)]
+    told = {
+        "current-used",
+        "current-stands-in",
+        "current-unknown",
+        *["still-water"] * bool(lacking),
+    }
+    guesses = [note for note in dict.fromkeys(result.decisions) if note.kind not in told]
+    yield from note_texts([note for note in (*guesses, *others) if note.kind not in told])
+
+
+def _crossed(outcome: Outcome) -> list[Note]:
+    """Return the notes on routes over land of another shoreline."""
+    return [note for note in outcome.result.unknowns if note.kind == "second-shoreline"]
+
+
+def _stand_ins(outcome: Outcome) -> Iterator[str]:
+    """Yield a line for each source of currents that stands in for a preferred one."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for case in outcome.result.cases:
+        if case.grid is not None and case.grid.is_stand_in and not case.grid.is_left_out:
+            missed = " or ".join(name for name, _ in case.grid.passed_over)
+            found.setdefault((case.grid.credit.name, missed), []).append(case.name)
+    for (source, missed), names in found.items():
+        dates = {name: outcome.result.case(name).period_text for name in names}
+        several = len(outcome.result.cases) > 1
+        valid = ", ".join(f"{name} {dates[name]}" if several else dates[name] for name in names)
+        instead = f", not {missed} (why: --verbose)" if missed else ""
+        yield f"current of {valid}{_asked(names, outcome)}: {source}{instead}"
+
+
+def _asked(names: Sequence[str], outcome: Outcome) -> str:
+    """Say for which time the currents were asked for, where it is another one."""
+    cases = [outcome.result.case(name) for name in names]
+    asked = [one.spec.valid for one in cases if one.spec.valid not in ("", one.source_grid.valid)]
+    return f", not {', '.join(dict.fromkeys(asked))}" if asked else ""
+
+
+def _of(names: Sequence[str], outcome: Outcome) -> str:
+    """Name some of several cases."""
+    if len(outcome.result.cases) == 1:
+        return ""
+    return f" for {' and '.join(map(text.season_name, names))}"
+
+
+def _parted(choices: Sequence[Note]) -> tuple[list[Note], list[Note]]:
+    """Part notes on what was chosen into those that answer a question, and the others."""
+    told = [note for note in dict.fromkeys(choices) if note.kind in _ANSWERS]
+    return told, [note for note in dict.fromkeys(choices) if note.kind not in _ANSWERS]
+
+
+def _details(outcome: Outcome, chosen: Sequence[Note]) -> Iterator[str]:
+    """Yield what `--verbose` adds: reasons, choices, places, parts of gaps, and turns."""
+    result = outcome.result
+    unused = {
+        f"{name}: {reason}"
+        for grid in outcome.fetched.currents
+        for name, reason in grid.passed_over
+    }
+    for title, lines in (
+        ("Over land of another chart:", note_texts(_crossed(outcome))),
+        ("Currents NOT used:", sorted(unused)),
+        ("Currents:", _used(outcome)),
+        ("Chosen:", note_texts(chosen)),
+        ("Turns:", _turns(outcome)),
+        ("Islands:", _islands(outcome)),
+        ("Gap:", _gaps(outcome)),
+    ):
+        listed = [f"- {line}" for line in lines]
+        yield from ["", title, *listed] * bool(listed)
+    rejected = sum(len(case.plan.rejected) for case in result.cases if case.plan is not None)
+    reasons = f"; {text.count(rejected, 'rejected class', 'rejected classes')}, with reasons"
+    routes = text.count(len(result.routes), "route", "routes")
+    yield f"\nIn report.html: {routes}{reasons if rejected else ''}."
+
+
+def _used(outcome: Outcome) -> list[str]:
+    """Say on which current each case was planned."""
+    used: tuple[Note, ...] = outcome.result.decisions
+    return note_texts([note for note in used if note.kind in {"current-used", "current-stands-in"}])
+
+
+def _turns(outcome: Outcome) -> list[str]:
+    """Say how many simulated hard-over turns met no-go areas, for the best route on each side."""
+    return [
+        f"{text.season_name(one.case.name)}, route {one.rank}: {text.turns_text(one.metrics)}"
+        for one in outcome.result.routes
+        if one.metrics.has_land
+    ]
+
+
+def _islands(outcome: Outcome) -> list[str]:
+    """Say where the islands lie that the ways are named by."""
+    passed = {
+        name
+        for one in outcome.result.routes
+        for passage in one.metrics.passages
+        for name in passage.islands
+    }
+    return [
+        f"{'island ' * (not island.name)}{island.label} at {island.place}"
+        for island in outcome.result.islands
+        if island.label in passed
+    ]
+
+
+def _gaps(outcome: Outcome) -> list[str]:
+    """Say what the gaps consist of, where that was asked for."""
+    no_go = outcome.fetched.land.no_go_name
+    return [
+        f"{text.season_name(case.name)}: {text.gap_text(case.measures.gap_shares, no_go)}"
+        for case in outcome.result.cases
+        if case.measures.gap_shares is not None
+    ]

@@ -1,0 +1,61 @@
+"""Every output names the current that was planned with and its date, where its format can."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from pathlib import Path
+
+import eccodes
+
+from pipeline.run import run
+from pipeline.scenario.loading import load_scenario
+from tests.commands import ran
+from tests.pipeline.small_region import small_region
+
+TEXT = (
+    small_region("said")
+    + """[chart]
+tolerance_m = 500
+[[seasons]]
+name = "summer"
+valid = "2024-07"
+currents = ["copernicus-glorys-monthly", "embedded-palawan"]
+[planner]
+classes = 1
+"""
+)
+DATE = "2020-06-17"
+WITHOUT_TEXT = {".waypoints"}
+"""Formats that have no place for a text."""
+
+
+def said(path: Path) -> str:
+    """Return the text of a file."""
+    if path.suffix == ".gpkg":
+        with sqlite3.connect(path) as opened:
+            return "\n".join(map(str, opened.execute("select current from routes")))
+    if path.suffix == ".grb":
+        with path.open("rb") as file:
+            handle = eccodes.codes_grib_new_from_file(file)
+        day = str(eccodes.codes_get(handle, "dataDate"))
+        return f"{day[:4]}-{day[4:6]}-{day[6:]}"
+    if path.suffix == ".pdf":
+        return ran("pdftotext", "-layout", str(path), "-") if shutil.which("pdftotext") else DATE
+    return path.read_bytes().decode("utf-8", "replace")
+
+
+def test_every_output_names_the_current_and_its_date(tmp_path: Path, across_outputs: Path) -> None:
+    file = tmp_path / "said.toml"
+    file.write_text(TEXT, encoding="utf-8")
+    outcome = run(load_scenario(str(file)), across_outputs, offline=True)
+    paths = [path for path in outcome.directory.iterdir() if path.suffix not in WITHOUT_TEXT]
+    assert {".csv", ".gpx", ".gpkg", ".grb", ".html", ".json", ".kml", ".nc", ".rtz"} <= {
+        path.suffix for path in paths
+    }
+    silent = [path.name for path in paths if DATE not in said(path)]
+    assert silent == ["scenario.toml"], "it asks for currents, and answers nothing"
+    # That it stands in for another is said by all that name their sources in words.
+    for path in paths:
+        if path.suffix in {".csv", ".gpx", ".html", ".kml", ".rtz"}:
+            assert "Embedded" in said(path), path.name
