@@ -1,5 +1,6 @@
 """A run's answer on a terminal: which way and how sure, the best way on each side, and doubts."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 from pipeline.cli.terminal import table, wrapped
@@ -21,6 +22,8 @@ _NAUTICAL_MILE_M = 1852.0
 _ANSWERS = frozenset(
     {"departure-chosen", "departure-in-mean", "speeds-chosen", "how-sure", "replanned"}
 )
+_LEAVE = re.compile(r"^Leave at [^:]+:\d\d(:\d\d)? UTC: ")
+_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 # Largest number of doubts that are printed without `--verbose`; the others are counted.
 _DOUBTS = 6
 
@@ -37,8 +40,10 @@ def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False)
     result = outcome.result
     lines = [outcome.scenario.title or outcome.scenario.name]
     lines += [line for case in result.cases for line in _way(case, outcome)]
-    told, chosen = _parted(result.choices)
-    lines += [f"  {text.capitalised(line)}." for line in note_texts(told)]
+    told = [note for note in dict.fromkeys(result.choices) if note.kind in _ANSWERS]
+    # The first sentence answers the question, and the others are reasons; the hour stands above.
+    firsts = [_LEAVE.sub("", _SENTENCE_END.split(line)[0]) for line in note_texts(told)]
+    lines += [f"  {text.capitalised(line).removesuffix('.')}." for line in firsts]
     lines = wrapped("\n".join(lines), width).splitlines()
     lines += ["", *_sides(outcome, width)]
     doubts = [f"! {text.capitalised(doubt)}" for doubt in _doubts(outcome)]
@@ -46,7 +51,7 @@ def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False)
         doubts[_DOUBTS - 1 :] = [f"! And {len(doubts) - _DOUBTS + 1} more doubts: add --verbose"]
     lines += [""] * bool(doubts) + wrapped("\n".join(doubts), width).splitlines()
     if verbose:
-        lines += wrapped("\n".join(_details(outcome, chosen)), width).splitlines()
+        lines += wrapped("\n".join(_details(outcome)), width).splitlines()
     return "\n".join(lines)
 
 
@@ -197,13 +202,7 @@ def _of(names: Sequence[str], outcome: Outcome) -> str:
     return f" for {' and '.join(map(text.season_name, names))}"
 
 
-def _parted(choices: Sequence[Note]) -> tuple[list[Note], list[Note]]:
-    """Part notes on what was chosen into those that answer a question, and the others."""
-    told = [note for note in dict.fromkeys(choices) if note.kind in _ANSWERS]
-    return told, [note for note in dict.fromkeys(choices) if note.kind not in _ANSWERS]
-
-
-def _details(outcome: Outcome, chosen: Sequence[Note]) -> Iterator[str]:
+def _details(outcome: Outcome) -> Iterator[str]:
     """Yield what `--verbose` adds: reasons, choices, places, parts of gaps, and turns."""
     result = outcome.result
     unused = {
@@ -215,7 +214,7 @@ def _details(outcome: Outcome, chosen: Sequence[Note]) -> Iterator[str]:
         ("Over land of another chart:", note_texts(_crossed(outcome))),
         ("Currents NOT used:", sorted(unused)),
         ("Currents:", _used(outcome)),
-        ("Chosen:", note_texts(chosen)),
+        ("Chosen:", note_texts(dict.fromkeys(outcome.result.choices))),
         ("Turns:", _turns(outcome)),
         ("Islands:", _islands(outcome)),
         ("Gap:", _gaps(outcome)),

