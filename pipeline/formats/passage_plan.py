@@ -71,7 +71,7 @@ _PLAIN = 8.0
 # Size of the title, points.
 _LARGE = 15.0
 # Widths of the table's columns, points; columns without a heading are left out. Height of headings.
-_COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 56, 64, 46, 56, 42, 138)
+_COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 42, 56, 64, 46, 56, 138)
 _HEADINGS_PT = 28.0
 _HAVEN_COLUMNS = (80, 76, 80, 100, 76, 62, 68, 40, 40, 52, 52, 44)
 # Size of the map on a case's first page, points.

@@ -176,11 +176,11 @@ _LEGS = {
     "to_go_nm": "To go\nNM",
     "speed_kn": "Speed over\nground, kn",
     "passed": "Passed",
+    "left": "Left\n{}",
     "limits_m": "Limits, m\nport / stbd",
     "current": "Current on leg\nto ° true, kn",
     "clearance": "Least\nclearance",
     "water": "Water under\nkeel, m",
-    "left": "Left, {}",
     "nearest_land": "from where on the leg",
 }
 

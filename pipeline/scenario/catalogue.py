@@ -26,13 +26,14 @@ _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 _UNNAMED = "vessel"
 
 
+# A watt-hour, joules.
 _WH_J = 3600.0
 
 
 class PowerSpec(StrictModel):
     """What the vessel burns, in watts, and what it has on board."""
 
-    w_at_m_s: tuple[tuple[strict.NonNegative, strict.Positive], ...] = Field(
+    w_at_m_s: tuple[tuple[strict.Positive, strict.Positive], ...] = Field(
         default=(), examples=[[[0.5, 2.0], [1.0, 19.0], [2.0, 190.0]]]
     )
     """Power at some speeds through water, [m/s, W] each; between them it is interpolated. Give two

@@ -346,8 +346,7 @@ class Vessel:
         # Points on a line may be off it by rounding.
         faults = [
             f"power isn't convex: {watts[k + 1]:g} W at {speeds[k + 1]:g} m/s lie above the line "
-            "between the points beside it; leave that point out, or fit K v^n to all "
-            "(fuel_coefficient, fuel_exponent)"
+            "between the points beside it; leave that point out, or fit K v^n to all"
             for k in np.flatnonzero(bends < -_ROUNDING * watts[-1] / speeds[-1])
         ]
         if (self.fuel_coefficient, self.fuel_exponent) != (1.0, 2.0):
