@@ -17,18 +17,18 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_470, 28),
     "pipeline": (1_124, 13),
-    "pipeline/cli": (2_794, 6),
-    "pipeline/findings": (3_914, 18),
+    "pipeline/cli": (2_733, 6),
+    "pipeline/findings": (3_917, 18),
     "pipeline/formats": (7_688, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
     "pipeline/model": (1_450, 35),
     "pipeline/nightly": (3_620, 28),
     "pipeline/scenario": (2_579, 36),
-    "pipeline/serve": (1_619, 9),
+    "pipeline/serve": (1_648, 9),
     "pipeline/sources": (10_487, 46),
     "pipeline/stages": (5_188, 15),
-    "pipeline/voyage": (2_424, 9),
+    "pipeline/voyage": (2_498, 9),
     "renew/bounds": (1_603, 8),
     "renew/classes": (2_418, 14),
     "renew/inputs": (2_164, 23),
@@ -41,9 +41,9 @@ ROOMS = {
     "renew/vary": (1_825, 9),
     "renew/voyage": (769, 5),
 }
-MOST_FILES = 226
+MOST_FILES = 227
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (5, 12), "seasons?": (58, 533)}
+WORDS = {"endurance": (6, 24), "optimality_gap": (5, 11), "seasons?": (59, 536)}
 
 
 def modules(room: str) -> dict[Path, str]:

@@ -167,6 +167,9 @@ class _DrawnAreas(BaseModel):
     areas: tuple[Annotated[tuple[_Corner, ...], Field(min_length=3)], ...] = Field(
         default=(), max_length=_MAX_AREAS, description="Shut areas: rings of lon, lat, degrees."
     )
+    route: _Source | None = Field(
+        default=None, description="A route in GPX, RTZ or GeoJSON, to be checked from end to end."
+    )
 
     def options(self, files: GivenFiles) -> dict[str, Any]:
         """Return the options by their names, with the paths of files in place of their ids.
@@ -208,6 +211,8 @@ class _DrawnAreas(BaseModel):
                 paths = [named(option, text) for text in texts]
                 value = paths if option.most else paths[0]
             given[option.key] = list(value) if option.most else value
+        if self.route:
+            given["route"] = faults.collect(lambda: str(files.path(str(self.route), "route")))
         if faults.lines:
             raise RequestError(faults.lines)
         if self.areas:

@@ -9,8 +9,9 @@ import asyncio
 import contextlib
 import gc
 import json
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,11 @@ from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
 from pipeline.sources.copernicus.client import without_secrets
 from pipeline.stages.region import require_sailable
+from pipeline.voyage.check import check_route
+from pipeline.voyage.check_words import checked_lines
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
 from pipeline.voyage.request import VoyageRequest, read_voyage
+from pipeline.voyage.route_file import read_route
 from pipeline.write import load_libraries
 from renew._compiled import is_cold
 from renew.results import Step
@@ -162,6 +166,9 @@ def answer_request(asked: Mapping[str, Any]) -> None:
 def _plan(asked: Mapping[str, Any]) -> None:
     """Plan a voyage as `renew go` does, and send events on its progress."""
     try:
+        if "route" in asked["options"]:
+            _check(asked)
+            return
         request, scenario, notes = _scenario(asked)
         _tell({"event": "scenario", "name": scenario.name, "title": scenario.title})
         for note in notes:
@@ -182,6 +189,20 @@ def _plan(asked: Mapping[str, Any]) -> None:
         files = sorted(file.name for file in outcome.directory.iterdir() if file.is_file())
         directory, failures = str(outcome.directory), outcome.failures
         _tell({"event": "done", "directory": directory, "files": files, "failures": failures})
+
+
+def _check(asked: Mapping[str, Any]) -> None:
+    """Check a route as `renew check-route` does, and send what was found."""
+    given = dict(asked["options"])
+    route = read_route(Path(given.pop("route")))
+    ends = dict(zip(("start", "goal"), route.ends, strict=True))
+    if not given["depart"] and not given["month"] and route.points[0].time:
+        given["depart"] = route.points[0].time
+    request, scenario, notes = _scenario({**asked, "options": {**given, **ends, "via": []}})
+    run, checked = check_route(request, (scenario, notes), route, _tell_event)
+    said = {one.given.season: [*checked_lines(one, route)] for one in checked}
+    _tell_result(run, said)
+    _tell({"event": "done", "directory": asked["output"], "files": [], "failures": []})
 
 
 def _scenario(
@@ -234,9 +255,12 @@ def drawn(path: FloatArray) -> list[list[float]]:
     return shown
 
 
-def _tell_result(result: RunResult) -> None:
-    """Send the sides, then what the map draws of them."""
-    _tell({"event": "sides", **sides(result)})
+def _tell_result(result: RunResult, checked: Mapping[str, Sequence[str]] | None = None) -> None:
+    """Send the sides, or what was found of a checked route, then what the map draws of them."""
+    found = sides(result)
+    for season in found["seasons"] if checked else ():
+        season["checked"] = (checked or {}).get(season["name"])
+    _tell({"event": "sides", **found})
     drawn = map_data(result, speed_limits(result), on_globe=True)
     tell({"event": "map", "json": json.dumps(drawn, separators=(",", ":"), allow_nan=False)})
 

@@ -24,7 +24,7 @@ export class Chart {
   constructor(element, heard) {
     this.heard = heard;
     this.pins = new Map();
-    this.map = L.map(element, { attributionControl: false, zoomSnap: 0.5, minZoom: 1, maxZoom: 15, zoomAnimation: !matchMedia("(prefers-reduced-motion: reduce)").matches });
+    this.map = L.map(element, { attributionControl: false, fadeAnimation: false, zoomSnap: 0.5, minZoom: 1, maxZoom: 15, zoomAnimation: !matchMedia("(prefers-reduced-motion: reduce)").matches });
     landLayer().addTo(this.map);
     for (const name of ["shut", "drawn", "drafts", "other"]) this[name] = L.layerGroup().addTo(this.map);
     this.map.fitBounds(WORLD);

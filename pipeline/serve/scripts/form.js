@@ -246,7 +246,9 @@ export class Form {
       make("span", { dir: "auto" }, `${kind === "currents" ? "" : `${kind}: `}${entry.name}${entry.size ? `, ${(entry.size / 1e6).toFixed(1)} MB` : ""}${entry.id ? "" : " (being sent)"}`),
       button("Remove", () => { this.files[kind].splice(i, 1); this.showFiles(); }, { "aria-label": `Remove ${entry.name}` })));
     find("#files").replaceChildren(...rows("currents"));
-    find("#charted").replaceChildren(...Object.keys(this.files).filter((kind) => kind !== "currents").flatMap(rows));
+    find("#checked").replaceChildren(...rows("route"));
+    find("#charted").replaceChildren(...Object.keys(this.files).filter((kind) => !["currents", "route"].includes(kind)).flatMap(rows));
+    find("#plan").textContent = this.files.route.length ? "Check" : "Plan";
     find("#source").disabled = this.files.currents.length > 0;
   }
 
@@ -264,12 +266,15 @@ export class Form {
       const ids = this.files[field.dataset.file].map((one) => one.id).filter(Boolean);
       if (ids.length) request[field.dataset.file] = isMany(field) ? ids : ids[0];
     }
+    // The ends of a route that is checked are its own.
+    if (request.route) Object.assign(request, { start: request.start || "", goal: request.goal || "" });
     request.currents ??= [find("#source").value].filter(Boolean);
     return request;
   }
 
   /** Whether a request may be planned, as far as can be seen here. */
   isComplete(request) {
+    if (request.route) return false;
     const isVessel = request.vessel || (request.speed && request.length && request.turning_circle);
     const isTime = request.month.length || request.depart || request.currents[0] === STILL;
     return Boolean(this.places.has("Start") && this.places.has("Goal") && isVessel && isTime);

@@ -41,7 +41,7 @@ class Desk {
 
   listen() {
     find("#ask").addEventListener("submit", (event) => { event.preventDefault(); this.start(); });
-    find("#ask").addEventListener("change", () => this.prepare());
+    for (const kind of ["change", "pointerover"]) find("#ask").addEventListener(kind, () => this.prepare());
     find("#cancel").addEventListener("click", () => this.cancel());
     find("#draw").addEventListener("click", () => this.draw(!this.chart.corners));
     find("#close-area").addEventListener("click", () => this.draw(false));
@@ -63,15 +63,17 @@ class Desk {
     this.chart.showPins(pins);
     this.chart.showAreas(this.form.areas);
     if (!pins.length) this.clear();
-    this.prepare();
+    if (!this.form.isExample) this.prepare();
     if (pins.length > 1) this.chart.reveal([...this.chart.pins.values()].map((pin) => pin.getLatLng()));
   }
 
   /** Take back the last change of the way; a plan that is shown follows. */
   undo() {
-    if (this.ways.length < 2) return;
-    this.ways.pop();
-    this.moved(() => this.form.setWay(this.ways.at(-1)));
+    const now = JSON.stringify(this.form.way());
+    const before = this.ways.findLastIndex((way) => JSON.stringify(way) !== now);
+    if (before < 0) return;
+    this.ways.length = before + 1;
+    this.moved(() => this.form.setWay(this.ways[before]));
   }
 
   /** Show no plan. */
@@ -199,6 +201,9 @@ class Desk {
     this.mapped = id;
     const data = readData(await ask(`/api/plan/${id}/map`));
     if (this.plan?.id !== id) return;
+    // The first route of a check is the reader's; each other one has a colour and a price of its own.
+    const checked = data.seasons.filter((_, s) => this.plan.sides.seasons[s].checked);
+    for (const season of checked) season.routes.forEach((one, r) => Object.assign(one, { side: r, isSide: true, price: r ? "" : "yours" }));
     this.chart.turnTo(data.start[1]);
     this.chart.showAreas(this.form.areas);
     this.explorer.load(data);

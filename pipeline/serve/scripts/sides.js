@@ -3,8 +3,8 @@
 import { button, make } from "./elements.js";
 import { SEASON_COLOURS, formatClearance, formatDecimals, formatDistance, formatTime } from "./map.js";
 
-// Kinds of file in the reader's words, by the ends of their names, in the order of their buttons.
-const KINDS = { ".gpx": "GPX", ".rtz": "RTZ", ".kml": "KML", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".grb": "GRIB of currents", ".nc": "NetCDF of currents", ".pdf": "Passage plan (PDF)", ".gpkg": "GeoPackage", ".csv": "CSV", ".zip": "Missions", ".toml": "Scenario" };
+// Kinds of file in the reader's words, by the ends of their names.
+const KINDS = { "-all.gpx": "GPX, all ways", ".gpx": "GPX", ".rtz": "RTZ", ".kml": "KML", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".grb": "GRIB of currents", ".nc": "NetCDF of currents", ".pdf": "Passage plan (PDF)", ".gpkg": "GeoPackage", ".csv": "CSV", ".zip": "Missions", ".toml": "Scenario" };
 const DAY_S = 86400;
 
 const percent = (share) => `${formatDecimals(100 * share, 1)} %`;
@@ -40,6 +40,7 @@ export function sideCards(sides) {
     const colour = (route) => (sides.seasons.length > 1 ? s : bySide.indexOf(route)) % SEASON_COLOURS;
     const head = make("h3", { dir: "auto" }, season.title);
     if (season.failure) return [head, make("p", { className: "notice", dir: "auto" }, season.failure)];
+    if (season.checked) return [head, make("article", { className: "card side season0", "data-route": `${s}-0` }, make("h4", { className: "answer" }, "Your route"), ...season.checked.map((line) => make("p", { dir: "auto" }, line)))];
     const cards = bySide.map((route) => make("article",
       { className: `card side season${colour(route)} ${route.rank === 1 ? "chosen" : ""}`, "data-route": `${s}-${season.routes.indexOf(route)}` },
       make("h4", { className: "answer", dir: "auto" }, make("button", { type: "button", "data-select": `${s}-${season.routes.indexOf(route)}` }, route.way || `Route ${route.rank}`)),
@@ -63,7 +64,10 @@ function choice({ title, said, plot }) {
 /** Links to the files of a plan: the report, each file by its kind, and all together. */
 export function downloads(plan) {
   const link = (text, href, properties = { download: "" }) => make("a", { className: "button", href, ...properties }, text);
-  const kinds = Object.entries(KINDS).flatMap(([end, kind]) => plan.files.filter((name) => name.endsWith(end)).map((name) => link(kind, `/api/plan/${plan.id}/files/${encodeURIComponent(name)}`, { download: name, title: name })));
+  const kinds = plan.files.flatMap((name) => {
+    const found = Object.entries(KINDS).find(([end]) => name.endsWith(end));
+    return found ? [link(found[1], `/api/plan/${plan.id}/files/${encodeURIComponent(name)}`, { download: name, title: name })] : [];
+  });
   return [link("Open report", `/plan/${plan.id}/report.html`, { id: "report", target: "_blank", rel: "noopener" }), link("Download all files", `/api/plan/${plan.id}/files.zip`, { id: "download", download: "" }), ...kinds];
 }
 
@@ -85,7 +89,7 @@ export function comparison(plan, other) {
 /** A row of the list of plans. */
 export function planRow(plan, { isShown, isCompared, show, compare, rename, forget }) {
   const { request } = plan;
-  const name = make("input", { value: plan.title || `${request.start} to ${request.goal}`, maxLength: 100, "aria-label": "Name of the plan" });
+  const name = make("input", { value: plan.title || (request.route ? "Check of a route" : `${request.start} to ${request.goal}`), maxLength: 100, "aria-label": "Name of the plan" });
   name.addEventListener("change", () => rename(name.value));
   const what = [request.vessel || request.speed, request.month.join(", ") || request.depart, request.via.length ? `${request.via.length} via` : "", request.areas.length ? `${request.areas.length} shut` : ""].filter(Boolean).join(" · ");
   return make("li", {},

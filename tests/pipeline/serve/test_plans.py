@@ -217,6 +217,25 @@ def test_a_worker_that_is_killed_fails_its_plan_alone(server: Server) -> None:
     assert "nowhere" in answered(server)
 
 
+def test_a_route_of_ones_own_is_checked(server: Server, planned: dict[str, Any]) -> None:
+    """The plan's own file is as long as the plan says, safe, and the least of its side."""
+    best = planned["sides"]["seasons"][0]["routes"][0]
+    name = next(one for one in planned["files"] if one.endswith(".geojson"))
+    file = server.ask("GET", f"/api/plan/{planned['id']}/files/{name}").content
+    asked = {**server.island(), "areas": [AREA], "route": server.give(file, name)}
+    found = server.ended(server.begin({**asked, "start": "", "goal": ""}))
+    assert (found["state"], found["faults"]) == ("done", [])
+    (season,) = found["sides"]["seasons"]
+    assert season["routes"][0]["length_m"] == pytest.approx(best["length_m"], rel=1e-5)
+    first, *said = season["checked"]
+    assert "GeoJSON" in first
+    assert any(line.endswith("hard-over turns are clear of land") for line in said)
+    assert any("the least-fuel route of its side" in line for line in said)
+    damaged = {**asked, "route": server.give(b"<gpx", "damaged.gpx"), "start": "", "goal": ""}
+    assert "damaged.gpx" in server.ended(server.begin(damaged))["faults"][0]
+    assert server.ask("POST", "/api/plan", {**damaged, "route": "0" * 16}).status == 422
+
+
 def test_a_thousand_plans_at_once_are_refused_but_for_a_few(server: Server) -> None:
     def ask(number: int) -> tuple[int, Any]:
         answer = server.ask("POST", "/api/plan", {**LONG, "goal": f"116.83,{7.7 + number / 1e4}"})

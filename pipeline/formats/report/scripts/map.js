@@ -316,14 +316,19 @@ class RouteMap {
     return this.hovered !== null && this.hovered[0] === season && this.hovered[1] === index;
   }
 
-  /** Write how much more fuel a route needs than the best, where it is furthest from the routes of other sides. */
+  /** Write how much more fuel a route needs than the best, where it is far from the routes of other sides and from what is written. */
   showPrice(season, index) {
     const { routes } = this.data.seasons[season];
-    const { places, excess } = routes[index];
+    const { places, excess, price } = routes[index];
     const others = routes.filter((one, r) => one.isSide && r !== index).flatMap((one) => one.places);
-    const apart = places.map(([y, x]) => Math.min(...others.map(([by, bx]) => Math.hypot(by - y, bx - x))));
+    const written = this.prices.getLayers().map((label) => label.getLatLng());
+    const apart = places.map(([y, x]) => {
+      const beside = written.map(({ lat, lng }) => Math.hypot(lat - y, lng - x) / 4);
+      return Math.min(...others.map(([by, bx]) => Math.hypot(by - y, bx - x))) + Math.min(...this.data.size, ...beside);
+    });
     const at = places[apart.indexOf(Math.max(...apart))];
-    this.label(at, index ? `+${formatDecimals(100 * excess, 1)} %` : "best", "price-label", "center", this.role(season, index)).addTo(this.prices);
+    const text = price || (index ? `${excess < 0 ? "−" : "+"}${formatDecimals(100 * Math.abs(excess), 1)} %` : "best");
+    this.label(at, text, "price-label", "center", this.role(season, index)).addTo(this.prices);
   }
 
   /** Stretches without room to turn, hard-over turns, land of another shoreline, and the closest point to land. */
