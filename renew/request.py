@@ -107,12 +107,18 @@ class Request:
             for name, needed in (("method", "optimal"), ("order", "fuel"))
             if len(points) and not is_one_of(given[name], (needed,))
         ]
+        field = as_field(current)
+        if options is not None and options.adrift and not field.is_steady:
+            faults.append(
+                f"adrift = {options.adrift:g} s needs a current that does not change: in one that "
+                "does, each hour has water of its own; leave it out, or plan in the mean current"
+            )
         if faults or options is None:
             raise ParameterError("; ".join(faults))
         never_open, tidal_areas = (depth.never_open, depth.tidal_areas) if depth else ((), ())
         return cls(
             with_always_shut(chart, [*avoid, *never_open]),
-            as_field(current),
+            field,
             vessel,
             np.vstack([as_point("start", ends[0]), points, as_point("goal", ends[1])]),
             options,

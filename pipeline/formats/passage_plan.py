@@ -12,7 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunCase, RunResult, has_all_depths, narrow_notes
+from pipeline.findings.result import (
+    RunCase,
+    RunResult,
+    adrift_notes,
+    has_all_depths,
+    narrow_notes,
+)
 from pipeline.findings.text import (
     capitalised,
     duration,
@@ -198,7 +204,11 @@ def _facts(points: Waypoints) -> list[str]:
         f"Way: {way}, {passage}.",
         _times_text(points),
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
-        *(f"{capitalised(line)}." for line in note_texts(narrow_notes(points.ranked))),
+        *(
+            f"{capitalised(line)}."
+            for notes in (narrow_notes, adrift_notes)
+            for line in note_texts(notes(points.ranked))
+        ),
         tightest_text(case.case, tightest) if tightest else "",
         _current_text(case),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
@@ -323,8 +333,9 @@ def _put_map(page: Figure, points: Waypoints, top: float) -> None:
     _put_region_edge(axes, result, frame)
     axes.add_line(stroke(way, colour, 1.2, 3))
     axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
-    for one in case.narrow(1):
-        axes.add_line(stroke(one.line, COLOURS["narrow"], 1.6, 3.5))
+    for role, lines in case.marked(1).items():
+        for line in lines:
+            axes.add_line(stroke(line, COLOURS[role], 1.6, 3.5))
     shores = result.water.projection.to_plane(case.crossings(1))
     axes.plot(*shores.T, "o", mfc="none", mec=COLOURS["shut"], markersize=6, zorder=4)
     for number, (x, y) in enumerate(way, start=1):

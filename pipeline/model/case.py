@@ -22,7 +22,7 @@ from pipeline.geo.projection import DepthCover, KnownCells, Projection
 from pipeline.model.inputs import Note, Place, Zone
 from pipeline.scenario.catalogue import PowerSpec, VesselSpec
 from pipeline.scenario.model import PlannerOptions
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Season, interval
 from renew.errors import Length
 from renew.vary.ensemble import Statistic
 
@@ -365,11 +365,16 @@ MIN_LATENESS_S = 3600.0
 """In changing currents turns are checked for a vessel at least this early, and this late, s."""
 
 
-def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew.PlanOptions:
+def plan_options(
+    options: PlannerOptions, scale: float = 1.0, *, min_lateness: float = 0.0
+) -> renew.PlanOptions:
     """Return the planner's options, to check turns at least `min_lateness` (s) early and late.
 
+    In a plane shrunk by a `scale`, a vessel adrift reaches land by as much sooner.
     On a chart, a run has chosen the clearance before this call. In a planar scenario, a clearance
     that the options leave out is 0.
     """
     given = {**options.model_dump(exclude={"snap", "lanes"}), "clearance": options.clearance or 0.0}
+    if options.adrift is not None:
+        given["adrift"] = interval(options.adrift).total_seconds() / scale
     return renew.PlanOptions(**given, min_lateness=min_lateness)

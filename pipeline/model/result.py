@@ -8,6 +8,7 @@ from itertools import groupby
 from typing import Literal
 
 import numpy as np
+import shapely
 
 import renew
 from pipeline._types import FloatArray
@@ -81,6 +82,7 @@ class RouteMetrics:
     members_mean_fuel, members_p90_fuel, members_cvar90_fuel, members_regret : mean, P90, mean of
         the worst tenth, and largest excess over a member's best route, of its fuel over the
         members; NaN without members, and where it can't be sailed in too many of them.
+    members_adrift_share : its `adrift_share` in the mean of the members.
     """
 
     rank: int
@@ -115,6 +117,7 @@ class RouteMetrics:
     members_p90_fuel: float = math.nan
     members_cvar90_fuel: float = math.nan
     members_regret: float = math.nan
+    members_adrift_share: float = math.nan
     still_fuel: float = math.nan
     energy: Energy | None = None
 
@@ -471,7 +474,9 @@ class Measures:
 
     All turns are counted; of the places where no turn touches land, about a thousand per route are
     stored. `adrift` is how long each route is from land without thrust; empty in a plane.
-    stored. `narrow` are the stretches without room for a turn, by rank and along each route.
+    `narrow` are the stretches without room for a turn, by rank and along each route. `near_best` is
+    the water (planar m) outside which every route needs over 1 % more fuel than the best; None
+    where it is not known.
     `gap_shares` are there if they were asked for, `clock_worth` if the current changes.
     """
 
@@ -480,6 +485,7 @@ class Measures:
     shore_crossings: tuple[ShoreCrossing, ...] = ()
     adrift: tuple[renew.Adrift, ...] = ()
     narrow: tuple[NarrowStretch, ...] = ()
+    near_best: shapely.Geometry | None = None
     gap_shares: GapShares | None = None
     clock_worth: ClockWorth | None = None
 

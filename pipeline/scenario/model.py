@@ -277,6 +277,15 @@ class PlannerOptions(StrictModel):
     much of adaptive padding as there is room for, and list each stretch without room for a
     hard-over turn.
     Renew go gives 'least'. Give 'refuse' or 'least'."""
+    adrift: Interval | None = Field(default=None, examples=["6h"])
+    """Least time that the current takes to carry a vessel without thrust to land, from anywhere on
+    a route but near its two ends, in currents that do not change on the way. Classes that can't
+    keep it are rejected. Give '30min', '6h' or '1d', or leave it out."""
+    adrift_ends: strict.NonNegative = Field(
+        default=20_000.0, json_schema_extra=strict.unit("planar m")
+    )
+    """Distance from start and goal, planar metres, within which 'adrift' must be kept from
+    somewhere on; else the voyage is refused. Give metres, 0 or more."""
 
 
 class OutputOptions(StrictModel):

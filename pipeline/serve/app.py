@@ -282,14 +282,18 @@ def _add_names(app: FastAPI) -> None:
 
     @app.get("/api/land/{zoom}/{column}/{row}")
     def land(zoom: int, column: int, row: int) -> Response:
-        """Rings of the land in a tile of 512 pixels: x, y, x, y, ... in quarters of a pixel."""
+        """Rings of the land in a tile of 512 pixels: x, y, x, y, ... in quarters of a pixel.
+
+        Their coast is not sharp while the sharp one is prepared.
+        """
         from pipeline.serve.land import tile  # loads for half a second
 
         try:
-            rings = tile(zoom, column, row)
+            rings, is_sharp = tile(zoom, column, row)
         except IndexError:
             return refused(404, "there is no such tile")
-        return JSONResponse(rings, headers={"cache-control": f"private, max-age={_TILE_S}"})
+        kept = f"private, max-age={_TILE_S}" if is_sharp else "no-store"
+        return JSONResponse({"rings": rings, "is_sharp": is_sharp}, headers={"cache-control": kept})
 
 
 def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:

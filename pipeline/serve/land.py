@@ -2,13 +2,16 @@
 
 Tiles are those of web maps: at zoom z the world is 2^z tiles wide, in Mercator's projection. Small
 zooms would need the outlines of continents with millions of vertices, so up to _COARSE_ZOOM land
-comes from a coarse copy, which is made once and kept in the user's cache.
+comes from a coarse copy, which is made once and kept in the user's cache. That takes half a minute:
+until then tiles come from the coast that is in this package.
 """
 
 import contextlib
+import json
 import struct
 import threading
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -16,6 +19,10 @@ import shapely
 from pipeline._types import FloatArray, Geometries
 from pipeline.sources.land import osm, shapes
 
+COAST = Path(__file__).with_name("coast.json")
+"""The coarse coast: rings of x, y, dx, dy, ... From OpenStreetMap (ODbL), as `osm-land`."""
+COAST_STEP_DEG = 0.02
+"""Size of a step there, degrees."""
 TILE_PX = 512
 """Pixels along each side of a tile."""
 MAX_ZOOM = 14
@@ -27,30 +34,67 @@ _COARSE_ZOOM = 4
 _COARSE_DEG = 0.02
 # Room around a tile so that outlines along the cut are not seen, pixels.
 _ROOM_PX = 8
+# Time, seconds, after which the sharp coast is made: it keeps a core busy while the page is opened.
+_LATER_S = 3.0
 # Steps to a pixel in the answer.
 _STEPS = 4
 # Latitude at which the square map ends, degrees.
 _MAX_LATITUDE = 85.0511287
 # Tiles are made one at a time, so that a map that is moved leaves a core to the plans.
 _making = threading.Lock()
+# Set once the sharp coast is in the user's cache.
+_is_ready = threading.Event()
+
+Rings = tuple[tuple[int, ...], ...]
 
 
-@lru_cache(maxsize=512)
-def tile(zoom: int, column: int, row: int) -> tuple[tuple[int, ...], ...]:
-    """Return the rings of the land in a tile: x, y, x, y, ... in quarters of its pixels.
+def tile(zoom: int, column: int, row: int) -> tuple[Rings, bool]:
+    """Return the rings of the land in a tile, and whether its coast is sharp.
 
-    Holes are rings as well: fill by the even-odd rule. Raises IndexError for a tile off the map.
+    They are x, y, x, y, ... in quarters of its pixels. Holes are rings as well: fill by the
+    even-odd rule. Raises IndexError for a tile off the map.
     """
     count = 2**zoom
     if not (0 <= zoom <= MAX_ZOOM and 0 <= column < count and 0 <= row < count):
         raise IndexError
-    with _making:
+    _begin()
+    is_sharp = _is_ready.is_set()
+    return _tile(zoom, column, row, is_sharp=is_sharp), is_sharp
+
+
+@lru_cache(maxsize=1)
+def _begin() -> None:
+    """Have the sharp coast made, unless it is in the user's cache."""
+    path = osm.cache_file("Osm")
+    if path is not None and path.exists() and _coarse_file(path).exists():
+        _is_ready.set()
+        return
+    making = threading.Timer(_LATER_S, _get_ready)
+    making.daemon = True
+    making.start()
+
+
+def _get_ready() -> None:
+    """Make the land's files in the user's cache, unless they are there."""
+    somewhere = shapely.box(0, 0, 1, 1)
+    for zoom in (_COARSE_ZOOM, _COARSE_ZOOM + 1):
+        _near(somewhere, zoom, 0.0)
+    _is_ready.set()
+
+
+@lru_cache(maxsize=512)
+def _tile(zoom: int, column: int, row: int, *, is_sharp: bool) -> Rings:
+    """Return the rings of the land in a tile, of the sharp coast or of the coarse one."""
+    count = 2**zoom
+    # A tile of the coarse coast is made at once: it has few points.
+    with _making if is_sharp else contextlib.nullcontext():
         corner, px = np.array([column, row]) * float(TILE_PX), TILE_PX * count
         low, high = corner - _ROOM_PX, corner + TILE_PX + _ROOM_PX
         west, north = _degrees(low, px)
         east, south = _degrees(high, px)
         box = shapely.box(west, south, east, north)
-        land = shapes.clipped(shapes.repaired(*_near(box, zoom, 180 / px))[0], box)
+        near = _near(box, zoom, 180 / px) if is_sharp else _coast()
+        land = shapes.clipped(shapes.repaired(*near)[0], box)
 
         def to_tile(points: FloatArray) -> FloatArray:
             return np.asarray((_pixels(points, px) - corner) * _STEPS)
@@ -66,7 +110,7 @@ def _near(box: shapely.Polygon, zoom: int, least_deg: float) -> osm.NearPolygons
     if zoom > _COARSE_ZOOM:
         return osm.polygons_near("Osm", box, least_deg)[0]
     path = osm.cache_file("Osm")
-    coarse = None if path is None else path.with_name(f"coarse-{path.name}")
+    coarse = None if path is None else _coarse_file(path)
     near = None if coarse is None else osm.read_cached(coarse, box, least_deg)
     if near is not None:
         return near
@@ -75,6 +119,20 @@ def _near(box: shapely.Polygon, zoom: int, least_deg: float) -> osm.NearPolygons
         with contextlib.suppress(OSError):  # a cache that can't be written: it is made each time
             osm.write_cached(coarse, wkb)
     return osm.read_near(wkb, box, least_deg)
+
+
+def _coarse_file(path: Path) -> Path:
+    """Return the path of the coarse copy of a file of the cache."""
+    return path.with_name(f"coarse-{path.name}")
+
+
+@lru_cache(maxsize=1)
+def _coast() -> osm.NearPolygons:
+    """Return the coarse coast that is in this package."""
+    rings = json.loads(COAST.read_text("utf-8"))
+    lonlat = [np.cumsum(np.reshape(ring, (-1, 2)), axis=0) * COAST_STEP_DEG for ring in rings]
+    polygons = np.array([shapely.Polygon(ring) for ring in lonlat], dtype=object)
+    return polygons, shapely.is_valid(polygons)
 
 
 @lru_cache(maxsize=1)

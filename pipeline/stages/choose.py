@@ -377,7 +377,7 @@ def sweep(task: SweepTask, say: Say = _ignore) -> str:
 def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
     """Plan a case's departures, and choose the best or the latest that arrives in time."""
     asked: dict[str, Any] = {
-        "options": plan_options(options, min_lateness=MIN_LATENESS_S),
+        "options": plan_options(options, case.projection.scale, min_lateness=MIN_LATENESS_S),
         **case.itinerary(0.0 if case.speeds is None else case.speeds.within_s),
     }
     given, first = (case.chart, case.current, case.vessel, case.start, case.goal), case.departure

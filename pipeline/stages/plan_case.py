@@ -78,7 +78,8 @@ def _planned(
 ) -> CaseResult:
     """Plan a case once."""
     started = time.perf_counter()
-    asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
+    scale, arrive_by_s = case.projection.scale, math.inf
+    asked = plan_options(options, scale, min_lateness=MIN_LATENESS_S)
     ensemble = again = None
     planned_by = partial(case.planned, asked)
 
@@ -91,7 +92,7 @@ def _planned(
             if case.before is not None:
                 plan, again = _replanned(case, case.before, asked, havens)
             elif case.speeds is not None:
-                arrive_by_s = case.speeds.within_s / case.projection.scale
+                arrive_by_s = case.speeds.within_s / scale
                 plan = planned_by(arrive_by_s)
             elif case.members is not None:
                 found = case.planned_ensemble(case.members, asked)

@@ -264,6 +264,15 @@ class VoyageRequest:
             "is room for, and lists each stretch without room for a hard-over turn; 'refuse'.",
         ),
     ] = "least"
+    adrift: Annotated[
+        str,
+        _limits(
+            label="Off land without thrust, at least",
+            example="6h",
+            help="Least time that the current takes to carry a vessel without thrust to land, as "
+            "6h, from anywhere on a route but near its two ends. Needs {months}, or still water.",
+        ),
+    ] = ""
     snap_m: Annotated[
         float,
         _limits(

@@ -338,6 +338,7 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
             "title": case.title,
             "current": _current(case, lattice),
             "havens": haven_lines(case, lattice.line),
+            "nearBest": lattice.rings(np.array([_near_best(case)])),
             "routes": [
                 {
                     **_route(ranked, lattice),
@@ -364,6 +365,13 @@ def numbered_sides(case: RunCase) -> list[dict[str, int | float]]:
         excess = row.fuel / case.routes[0].metrics.fuel - 1
         found.append({"side": side, "isSide": is_side, "excess": excess})
     return found
+
+
+def _near_best(case: RunCase) -> shapely.Geometry:
+    """Return the water of a case's nearly best routes, simplified; empty where it is not known."""
+    water = case.measures.near_best or shapely.Polygon()
+    xmin, ymin, xmax, ymax = case.run.water.chart.bounds
+    return shapely.simplify(water, _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin))
 
 
 def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
@@ -404,7 +412,11 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
         "clearance": series(profile.clearance_m),
         "turns": lattice.line(turns),
         "hits": lattice.line(hits),
-        "narrow": [lattice.line(one.line) for one in ranked.case.narrow(ranked.rank)],
+        "marked": [
+            {"role": role, "places": lattice.line(line)}
+            for role, lines in ranked.case.marked(ranked.rank).items()
+            for line in lines
+        ],
         "shores": lattice.line(projection.to_plane(ranked.case.crossings(ranked.rank))),
     }
 

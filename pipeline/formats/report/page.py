@@ -133,6 +133,10 @@ def gather(result: RunResult) -> dict[str, Any]:
         ],
         "has_crossings": any(case.measures.shore_crossings for case in result.cases),
         "is_narrow": any(case.measures.narrow for case in result.cases),
+        "has_near_best": any(case.measures.near_best is not None for case in result.cases),
+        "is_near_land": any(
+            row.adrift_share > 0 for one in result.cases for row in one.measures.routes
+        ),
         "seasons": [case_section(case) for case in result.cases],
         "speed_labels": speed_labels(limits) if has_current else (),
         # JSON without characters that could end its element.

@@ -161,7 +161,7 @@ export class Chart {
     const bounds = L.latLngBounds(points);
     if (!bounds.isValid()) return;
     if (!this.map.getBounds().contains(bounds) || this.map.getBoundsZoom(bounds) > this.map.getZoom() + 2) {
-      this.map.fitBounds(bounds.pad(0.15), { maxZoom: 11 });
+      this.map.fitBounds(bounds.pad(0.15), { maxZoom: 13 });
     }
   }
 }

@@ -5,6 +5,9 @@ const STEPS = 4;
 // Tiles asked for at a time: the server makes one after the other, and a browser has six connections.
 const AT_A_TIME = 2;
 
+// Time after which a tile of the coarse coast is asked for again, milliseconds.
+const AGAIN_MS = 3000;
+
 const waiting = [];
 let asked = 0;
 
@@ -16,9 +19,12 @@ async function askNext() {
     asked += 1;
     try {
       const answer = await fetch(path);
-      tile.rings = answer.ok ? await answer.json() : [];
-      draw(tile, tile.rings);
+      const { rings, is_sharp: isSharp } = answer.ok ? await answer.json() : { rings: [], is_sharp: true };
+      tile.rings = rings;
+      draw(tile, rings);
       done(null, tile);
+      if (!isSharp) setTimeout(() => { waiting.push({ tile, path, done: () => {} }); askNext(); }, AGAIN_MS);
+      document.getElementById("coast").textContent = isSharp ? "" : "The sharp coast is being prepared; it takes half a minute, once.";
     } catch (error) {
       done(error, tile);
     }

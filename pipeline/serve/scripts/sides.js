@@ -55,10 +55,13 @@ export function sideCards(sides) {
 
 /** When to leave, how fast, how sure: sentences and the plot that the report has, from the server. */
 function choice({ title, said, plot }) {
-  const drawn = plot ? [document.importNode(new DOMParser().parseFromString(plot, "image/svg+xml").documentElement, true)] : [];
+  const figure = make("figure", {}, make("h4", {}, title), ...said.map((text) => make("p", { dir: "auto" }, text)));
+  if (!plot) return figure;
   // The page's policy takes styles from scripts only.
-  for (const one of drawn.flatMap((svg) => [...svg.querySelectorAll("[style]")])) one.style.cssText = one.getAttribute("style");
-  return make("figure", {}, make("h4", {}, title), ...said.map((text) => make("p", { dir: "auto" }, text)), ...drawn);
+  const drawn = new DOMParser().parseFromString(plot.replaceAll(" style=", " data-style="), "image/svg+xml").documentElement;
+  figure.append(drawn);
+  for (const one of drawn.querySelectorAll("[data-style]")) one.style.cssText = one.dataset.style;
+  return figure;
 }
 
 /** Links to the files of a plan: the report, each file by its kind, and all together. */

@@ -18,6 +18,7 @@ from pipeline.formats.figures.season_map import overview_figure
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
 from tests.conftest import ROOT
+from tests.validators import chromium
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 PICTURES_FOLDER = ROOT / "docs" / "pictures"
 # Scenarios on NOAA's cell US5BOSCD.
 BOSTON, BOSTON_TIDE = "boston-enc", "boston-tide"
+# Time in which the currents of a report's map have begun to drift, ms.
+_DRIFTING_MS = 3000
 # Number of colours: more look the same and take twice the space.
 _COLOURS = 256
 
@@ -80,10 +83,22 @@ def draw(output: Path, charts: Path | None) -> None:
             drawn = io.BytesIO()
             picture.draw(result).savefig(drawn, format="png", dpi=picture.dpi)
             save(Image.open(drawn), name)
+    photograph(output / "palawan-season" / "report.html")
     for name, drawing in EXPERIMENTS.items():
         file = output / "experiments" / f"{drawing}.png"
         if file.is_file():
             save(Image.open(file), name)
+
+
+def photograph(page: Path) -> None:
+    """Save what a report shows first, its answer and its map, if it is there and Chromium is."""
+    with chromium() as browser:
+        if browser is None or not page.is_file():
+            return
+        tab = browser.new_page(viewport={"width": 1400, "height": 900})
+        tab.goto(page.resolve().as_uri())
+        tab.wait_for_timeout(_DRIFTING_MS)
+        save(Image.open(io.BytesIO(tab.screenshot())), "report")
 
 
 def save(image: Image.Image, name: str) -> None:

@@ -18,7 +18,7 @@ from tests.conftest import ROOT
 from tests.pipeline.formats.figures.__main__ import EXPERIMENTS, PICTURES, PICTURES_FOLDER
 
 MAX_BYTES = 300_000
-NAMES = {*PICTURES, *EXPERIMENTS}
+NAMES = {*PICTURES, *EXPERIMENTS, "report"}
 
 
 def test_the_pictures_exist_and_are_small() -> None:
