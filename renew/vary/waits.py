@@ -7,7 +7,7 @@ that is planned, which would come too early: the wait lasts until the path itsel
 water.
 
 A vessel waits as early as it can, unless that makes it later. At the start, as in a harbour, it
-burns nothing. Elsewhere it holds its place in the current c, which takes α |c|ᵏ a second; at anchor
+burns nothing. Elsewhere it holds its place in the current c, which takes the fuel of a speed of |c|; at anchor
 it would take nothing.
 """
 
@@ -146,5 +146,4 @@ def _wait(
     times = np.linspace(begin, end, _SAMPLES)
     points = np.broadcast_to(place, (_SAMPLES, 2))
     strength = np.linalg.norm(request.current.velocity(points, times), axis=-1)
-    rate = vessel.fuel_coefficient * float((strength**vessel.fuel_exponent).mean())
-    return Wait(place, begin, end, rate * (end - begin))
+    return Wait(place, begin, end, float(vessel.rates(strength).mean()) * (end - begin))
