@@ -7,8 +7,8 @@ that is planned, which would come too early: the wait lasts until the path itsel
 water.
 
 A vessel waits as early as it can, unless that makes it later. At the start, as in a harbour, it
-burns nothing. Elsewhere it holds its place in the current c, which takes the fuel of a speed of |c|; at anchor
-it would take nothing.
+burns nothing. Elsewhere it holds its place in the current c, which takes the fuel of a speed of
+|c|; at anchor it would take nothing.
 """
 
 import math
