@@ -469,10 +469,6 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"shut{_from_until(begin, until, '')} water beside the way: the routes keep out of it, "
         "early, on time and late"
     ),
-    "over-limit-always": lambda name, limit, unit, most: (
-        f"{name} are over the limit of {limit:g} {unit} in some of the water as long as they are "
-        f"known, up to {text.rounded_up(most, 1)} {unit}: no route leads there"
-    ),
     "way-shut": "{way} {places:, /3/ and at # more places}",
 }
 """The words of each kind of note."""

@@ -96,12 +96,12 @@ def over_limits(
         nodes = projection.to_plane(np.stack(np.meshgrid(lon, lat), axis=-1))
         rings = np.stack([nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]], axis=2)
         for row, column, first, last in _spells(worst > field.limit):
-            is_always = (first, last) == (0, len(worst))
-            hours = (-math.inf, math.inf) if is_always else field.times_s[[first, last]].tolist()
+            begin, end = field.times_s[[first, last]].tolist()
+            if not first:
+                begin = -math.inf
             cell = shapely.Polygon(rings[row, column])
             if cell.intersects(extent):
                 most = float(worst[first:last, row, column].max())
-                begin, end = hours
                 yield OverLimit(cell, begin, end, field.name, most, field.unit)
         end = float(field.times_s[-1])
         yield OverLimit(shapely.Polygon(extent.exterior), end, name=field.name, unit=field.unit)
@@ -173,16 +173,7 @@ def limit_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) 
     for case, result in planned:
         met = [] if result.plan is None else result.plan.shut
         for field in case.weather:
-            always = [area for area in _of(case.areas, field) if area.is_always_shut]
-            own = [area for area in _of(met, field) if not area.is_always_shut]
-            if always:
-                yield Note.of(
-                    "over-limit-always",
-                    name=field.name,
-                    limit=field.limit,
-                    unit=field.unit,
-                    most=max(area.most for area in always),
-                ).about(case.name)
+            own = _of(met, field)
             if own:
                 yield Note.of(
                     "over-limit",
