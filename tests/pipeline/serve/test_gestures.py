@@ -169,6 +169,7 @@ def test_each_file_is_a_download_of_its_own(open_page: Open, planned: dict[str, 
         assert Path(download.value.path()).stat().st_size > 100
 
 
+@pytest.mark.slow
 def test_a_later_server_has_the_plans_named_shown_and_deleted(
     browser: Browser, server: Server
 ) -> None:
