@@ -27,6 +27,7 @@ from renew.inputs.current import (
 from renew.inputs.openings import Haven, LeastWater, ShutArea, TidalArea, TidalDepth
 from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
+from renew.planner.near_best import near_best
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, Shortfall, TradeOff
 from renew.turns.contingency import Contingency, Tightest, contingency, tightest
 from renew.underway.adrift import Adrift, adrift
@@ -94,6 +95,7 @@ __all__ = [
     "contingency",
     "cover",
     "fuel",
+    "near_best",
     "plan",
     "plan_departures",
     "plan_ensemble",

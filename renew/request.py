@@ -101,18 +101,24 @@ class Request:
                 for name, value in (("arrive_by", arrive_by), ("speed", speed))
                 if value is not None
             ]
-        faults += [*_speed_faults(speed), *more_faults]
+        faults += [*_speed_faults(speed, vessel), *more_faults]
         faults += [
             f"via points need {name} = {needed!r}, not {shown(given[name])}"
             for name, needed in (("method", "optimal"), ("order", "fuel"))
             if len(points) and not is_one_of(given[name], (needed,))
         ]
+        field = as_field(current)
+        if options is not None and options.adrift and not field.is_steady:
+            faults.append(
+                f"adrift = {options.adrift:g} s needs a current that does not change: in one that "
+                "does, each hour has water of its own; leave it out, or plan in the mean current"
+            )
         if faults or options is None:
             raise ParameterError("; ".join(faults))
         never_open, tidal_areas = (depth.never_open, depth.tidal_areas) if depth else ((), ())
         return cls(
             with_always_shut(chart, [*avoid, *never_open]),
-            as_field(current),
+            field,
             vessel,
             np.vstack([as_point("start", ends[0]), points, as_point("goal", ends[1])]),
             options,
@@ -177,7 +183,7 @@ def _time_faults(departure: object, arrive_by: object) -> list[str]:
     return []
 
 
-def _speed_faults(speed: object) -> list[str]:
+def _speed_faults(speed: object, vessel: Vessel) -> list[str]:
     """Faults of the speeds (m/s) from which a vessel may choose."""
     if speed is None:
         return []
@@ -192,4 +198,6 @@ def _speed_faults(speed: object) -> list[str]:
         faults.append(
             f"speed.least = {speed[0]!r} m/s is above speed.most = {speed[1]!r} m/s; exchange them"
         )
+    for name, value in zip(("least", "most"), speed, strict=True):
+        faults += vessel.speed_faults(f"speed.{name}", value)
     return faults

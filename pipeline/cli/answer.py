@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from pipeline.cli.terminal import table, wrapped
-from pipeline.findings import choices, text
+from pipeline.findings import text
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RankedRoute, RunCase
 from pipeline.findings.sentences import case_facts
@@ -81,8 +81,12 @@ def _way(case: RunCase, outcome: Outcome) -> Iterator[str]:
 
 
 def _fuel(ranked: RankedRoute) -> str:
-    """Say a route's fuel as a share of what the same way takes in still water."""
-    share = ranked.metrics.fuel_per_distance / choices.still_fuel_per_metre(ranked)
+    """Say a route's energy and what is left, or the share of the fuel in still water."""
+    row = ranked.metrics
+    if row.energy is not None:
+        left = f", {text.fuel(row.left, row)} left" if row.left > 0 else ""
+        return f"{text.fuel(row.fuel, row)}{left}"
+    share = row.fuel / row.still_fuel
     is_alike = abs(share - 1) < _AS_IN_STILL
     return f"fuel {'as in' if is_alike else f'{text.percent(share)} of'} still water"
 

@@ -192,6 +192,20 @@ def _strait_shut(place: Place, beside: Sequence[str], width_m: float, needed_m: 
     return f"the one at {place.text}{land}, which is {width} wide where {needed} are needed"
 
 
+def _adrift_kept(asked: str, ends: Sequence[tuple[str, float, float]]) -> str:
+    """Say that a route keeps a limit of time adrift, and on which of its two ends it does not."""
+    near = " and ".join(
+        f"its {which} {text.distance(length_m)}, where it takes {text.duration(least_s)} at least"
+        for which, length_m, least_s in ends
+        if length_m > 0
+    )
+    but = f", but for {near}: the limit can't be had nearer to an end" if near else ""
+    return (
+        f"without thrust the current alone takes {asked} at least from the best route to "
+        f"land{but} (planner.adrift, --adrift)"
+    )
+
+
 def _narrow_stretch(
     rank: int,
     begin: Place,
@@ -388,12 +402,17 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"within the limits; from {text.share(uncovered)} nobody gets to one in time; "
         f"{text.share(not_settled)} is not settled"
     ),
+    "energy-short": lambda rank, needs, has, unit: (
+        f"route {rank} needs {text.number(needs)} {unit}, and battery or tank give "
+        f"{text.number(has)} {unit} over the reserve: the vessel doesn't get there"
+    ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
     "adrift": lambda least_s, place, soon, ashore: (
         f"if the thrust is lost on the best route, the current alone carries the vessel ashore in "
         f"{text.duration(least_s)} from {place.text}; within 6 h from {text.percent(soon)} of the "
         f"way, within 72 h from {text.percent(ashore)}"
     ),
+    "adrift-kept": _adrift_kept,
     "area-shut": _area_shut,
     "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: "
     "vessels under 20 m need not keep lanes, unless planner.lanes = true, and others do where "

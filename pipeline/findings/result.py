@@ -1,6 +1,7 @@
 """A finished run and its cases, as all formats read them, and notes on what is not known."""
 
 import contextlib
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -23,7 +24,7 @@ from pipeline.model.result import NumberedIsland
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Season, interval
 
 NO_SHARE = 5e-4
 """Shares of a route below this count as none: percentages have one decimal."""
@@ -232,6 +233,28 @@ class RunCase:
     def narrow(self, rank: int) -> tuple[model.NarrowStretch, ...]:
         """Return the stretches of a route without room for a hard-over turn."""
         return tuple(one for one in self.measures.narrow if one.rank == rank)
+
+    def marked(self, rank: int) -> dict[str, list[FloatArray]]:
+        """Return the stretches (n, 2), m, of a route that maps mark, by their colour's role."""
+        return {
+            "adrift": [line for line, _ in self.adrift(rank)],
+            "narrow": [one.line for one in self.narrow(rank)],
+        }
+
+    def adrift(self, rank: int, hours: Sequence[int] = (6,)) -> Iterator[tuple[FloatArray, int]]:
+        """Yield parts (n, 2), m, of a route from which a vessel adrift is ashore within hours.
+
+        Each comes with the least of the ascending hours; parts for which all are too few are left
+        out. A part between two stations counts as the worse of them.
+        """
+        for found in self.measures.adrift[rank - 1 :][:1]:
+            seconds = found.seconds * self.run.water.projection.scale
+            least = np.minimum(seconds[:-1], seconds[1:])
+            band = np.searchsorted(np.array(hours) * 3600.0, least)
+            begin = np.flatnonzero(np.diff(band, prepend=-1))
+            for first, last in zip(begin, [*begin[1:], len(band)], strict=True):
+                if band[first] < len(hours):
+                    yield found.points[first : last + 1], hours[band[first]]
 
     def crossings(self, rank: int) -> FloatArray:
         """Return middles (n, 2), lon/lat, of a route's parts over the second shoreline's land."""
@@ -508,9 +531,35 @@ def narrow_notes(ranked: RankedRoute) -> Iterator[Note]:
         )
 
 
+def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
+    """Yield notes on how long a route is from land without thrust, and on the limit it keeps."""
+    row, case = ranked.metrics, ranked.case
+    asked = case.scenario.planner.adrift
+    for found in case.measures.adrift[ranked.rank - 1 :][:1] if asked else ():
+        scale = case.run.water.projection.scale
+        both = found.ends_below(interval(asked or "").total_seconds() / scale)
+        ends = tuple(
+            (which, scale * far, scale * least)
+            for which, (far, least) in zip(("first", "last"), both, strict=True)
+        )
+        yield Note.of("adrift-kept", asked=asked, ends=ends)
+    if math.isfinite(row.adrift_s):
+        yield Note.of(
+            "adrift",
+            least_s=row.adrift_s,
+            place=Place(row.adrift_lon, row.adrift_lat),
+            soon=row.adrift_share,
+            ashore=row.ashore_share,
+        )
+
+
 def unsafe_notes(ranked: RankedRoute) -> Iterator[Note]:
-    """Yield a note on each stretch without room for a turn, and if a turn meets no-go elsewhere."""
+    """Yield notes: stretches without room for a turn, too little energy, other turns into no-go."""
     yield from narrow_notes(ranked)
+    energy = ranked.metrics.energy
+    if energy is not None and ranked.metrics.left < 0:
+        needs, has = (energy.units * one for one in (ranked.metrics.fuel, energy.on_board))
+        yield Note.of("energy-short", rank=ranked.rank, needs=needs, has=has, unit=energy.unit)
     metrics, case, narrow = ranked.metrics, ranked.case, ranked.case.narrow(ranked.rank)
     if not metrics.collisions:
         return
@@ -539,7 +588,7 @@ def route_unknowns(ranked: RankedRoute) -> tuple[Note, ...]:
     said = (
         note
         for note in case.run.fetched.notes
-        if note.kind in NOT_KNOWN - {"narrow-stretch"}
+        if note.kind in NOT_KNOWN - {"energy-short", "narrow-stretch"}
         and (not note.cases or case.name in note.cases)
     )
     of_case = (*_of_currents([case]), *crossing_notes(crossings, case.scenario.chart))

@@ -12,7 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunCase, RunResult, has_all_depths, narrow_notes
+from pipeline.findings.result import (
+    RunCase,
+    RunResult,
+    adrift_notes,
+    has_all_depths,
+    narrow_notes,
+)
 from pipeline.findings.text import (
     capitalised,
     duration,
@@ -71,7 +77,7 @@ _PLAIN = 8.0
 # Size of the title, points.
 _LARGE = 15.0
 # Widths of the table's columns, points; columns without a heading are left out. Height of headings.
-_COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 56, 64, 46, 56, 138)
+_COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 42, 56, 64, 46, 56, 138)
 _HEADINGS_PT = 28.0
 _HAVEN_COLUMNS = (80, 76, 80, 100, 76, 62, 68, 40, 40, 52, 52, 44)
 # Size of the map on a case's first page, points.
@@ -139,12 +145,13 @@ def _haven_pages(case: RunCase) -> Iterator[Figure]:
     top = _HEIGHT - _MARGIN - 30
     below = top - _height(facts) - _NOTES_GAP_PT
     pages = list(_paged(printed_rows(case), below, top, 0.0))
+    headings = PRINTED | ({} if points.ranked.metrics.energy else {"fuel": ""})
     for number, part in enumerate(pages, start=1):
         page = _page(points, f"ways to havens, page {number} of {len(pages)}")
         if number == 1:
             _paragraphs(page, facts, top)
         level = below if number == 1 else top
-        _put_table(page, PRINTED, _HAVEN_COLUMNS, part, level)
+        _put_table(page, headings, _HAVEN_COLUMNS, part, level)
         yield page
 
 
@@ -197,7 +204,11 @@ def _facts(points: Waypoints) -> list[str]:
         f"Way: {way}, {passage}.",
         _times_text(points),
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
-        *(f"{capitalised(line)}." for line in note_texts(narrow_notes(points.ranked))),
+        *(
+            f"{capitalised(line)}."
+            for notes in (narrow_notes, adrift_notes)
+            for line in note_texts(notes(points.ranked))
+        ),
         tightest_text(case.case, tightest) if tightest else "",
         _current_text(case),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
@@ -284,7 +295,7 @@ def _put_table(
     """
     used = {name: width for name, width in zip(headings, columns, strict=True) if headings[name]}
     widths = np.array([*used.values()])
-    widths += (sum(columns) - widths.sum()) // len(used)
+    widths += (int(_WIDTH - 2 * _MARGIN) - widths.sum()) // len(used)
     lefts = _MARGIN + np.cumsum(widths) - widths
     for left, name in zip(lefts, used, strict=True):
         _write(page, headings[name], (left, top), _SMALL, bold=True)
@@ -322,8 +333,9 @@ def _put_map(page: Figure, points: Waypoints, top: float) -> None:
     _put_region_edge(axes, result, frame)
     axes.add_line(stroke(way, colour, 1.2, 3))
     axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
-    for one in case.narrow(1):
-        axes.add_line(stroke(one.line, COLOURS["narrow"], 1.6, 3.5))
+    for role, lines in case.marked(1).items():
+        for line in lines:
+            axes.add_line(stroke(line, COLOURS[role], 1.6, 3.5))
     shores = result.water.projection.to_plane(case.crossings(1))
     axes.plot(*shores.T, "o", mfc="none", mec=COLOURS["shut"], markersize=6, zorder=4)
     for number, (x, y) in enumerate(way, start=1):

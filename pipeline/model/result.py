@@ -8,9 +8,11 @@ from itertools import groupby
 from typing import Literal
 
 import numpy as np
+import shapely
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.model.case import Energy
 from pipeline.model.inputs import no_go_name
 from pipeline.scenario.season import Season
 from renew.errors import Text
@@ -56,6 +58,8 @@ class RouteMetrics:
     Attributes
     ----------
     fuel, fuel_per_distance, length : in the planner's units, at the scenario's scale.
+    still_fuel : fuel of the same way in still water; where speeds are chosen, at its mean speed.
+    energy : what a unit of fuel is; None where the vessel's power is not known.
     length_m : geodesic length, true metres.
     clearance_m : least distance to the original land, true metres; inf where there is none.
     duration_s : seconds at true scale.
@@ -78,6 +82,7 @@ class RouteMetrics:
     members_mean_fuel, members_p90_fuel, members_cvar90_fuel, members_regret : mean, P90, mean of
         the worst tenth, and largest excess over a member's best route, of its fuel over the
         members; NaN without members, and where it can't be sailed in too many of them.
+    members_adrift_share : its `adrift_share` in the mean of the members.
     """
 
     rank: int
@@ -112,6 +117,31 @@ class RouteMetrics:
     members_p90_fuel: float = math.nan
     members_cvar90_fuel: float = math.nan
     members_regret: float = math.nan
+    members_adrift_share: float = math.nan
+    still_fuel: float = math.nan
+    energy: Energy | None = None
+
+    @property
+    def fuel_unit(self) -> tuple[float, str]:
+        """A unit of fuel in the unit for readers, and that unit's name."""
+        if self.energy is not None:
+            return self.energy.units, self.energy.unit
+        return 100 / self.still_fuel, "% of still water"
+
+    @property
+    def energy_wh(self) -> float:
+        """Energy of its fuel, Wh; NaN where the vessel's power is not known."""
+        return math.nan if self.energy is None else self.fuel * self.energy.wh
+
+    @property
+    def left(self) -> float:
+        """Fuel left at the goal, over the reserve, planner's units; NaN where it is not known."""
+        return math.nan if self.energy is None else self.energy.on_board - self.fuel
+
+    @property
+    def left_wh(self) -> float:
+        """The same as energy, Wh."""
+        return math.nan if self.energy is None else self.left * self.energy.wh
 
     @property
     def way(self) -> str:
@@ -371,6 +401,14 @@ class ReplanFigures:
     by_forecast: float
     saved: float
     has_new_current: bool
+    energy: Energy | None = None
+
+    @property
+    def fuel_unit(self) -> tuple[float, str]:
+        """A unit of fuel in the unit for readers, and that unit's name."""
+        if self.energy is not None:
+            return self.energy.units, self.energy.unit
+        return 100 / self.planned_fuel, "% of the plan's fuel"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -436,7 +474,9 @@ class Measures:
 
     All turns are counted; of the places where no turn touches land, about a thousand per route are
     stored. `adrift` is how long each route is from land without thrust; empty in a plane.
-    stored. `narrow` are the stretches without room for a turn, by rank and along each route.
+    `narrow` are the stretches without room for a turn, by rank and along each route. `near_best` is
+    the water (planar m) outside which every route needs over 1 % more fuel than the best; None
+    where it is not known.
     `gap_shares` are there if they were asked for, `clock_worth` if the current changes.
     """
 
@@ -445,6 +485,7 @@ class Measures:
     shore_crossings: tuple[ShoreCrossing, ...] = ()
     adrift: tuple[renew.Adrift, ...] = ()
     narrow: tuple[NarrowStretch, ...] = ()
+    near_best: shapely.Geometry | None = None
     gap_shares: GapShares | None = None
     clock_worth: ClockWorth | None = None
 

@@ -23,6 +23,7 @@ OF_THE_SCENARIO: dict[str, Callable[[Scenario], bool]] = {
     "[under_way]": lambda asked: asked.under_way is not None,
     "via points": lambda asked: bool(asked.via),
     "a wait at an anchorage": lambda asked: asked.anchorage is not None,
+    "planner.adrift": lambda asked: asked.planner.adrift is not None,
     "planner.method = 'sampled'": lambda asked: asked.planner.method == "sampled",
     "another planner.order than 'fuel'": lambda asked: asked.planner.order != "fuel",
 }
@@ -99,18 +100,16 @@ PAIRS = (
     ),
     RefusedPair(
         ("[havens]",),
-        _HOURS,
-        "ways to havens know no hours at which water is shut",
+        (*_HOURS, "'members'", "'speed'"),
+        "ways to havens are proven in one current, which would be the mean of the members alone, "
+        "at the vessel's own speed, and know no hours at which water is shut",
     ),
     RefusedPair(
-        ("[havens]",),
-        ("'members'",),
-        "ways to havens are proven in one current, which would be the mean of the members alone",
-    ),
-    RefusedPair(
-        ("[havens]",),
-        ("'speed'",),
-        "a way to a haven has the vessel's own speed",
+        ("planner.adrift",),
+        ("time_method = 'changing'",),
+        "in a current that changes, the water from which a vessel drifts ashore too soon is "
+        "another at each hour",
+        "leave 'adrift' out, and read the hours adrift of each route, or plan in a month's mean",
     ),
     RefusedPair(
         ("a wait at an anchorage",),

@@ -1,7 +1,6 @@
 """Sixth stage: compare the routes of all cases, and name the way that each takes."""
 
 import itertools
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -15,7 +14,7 @@ import renew
 from pipeline.errors import LateFaults
 from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
-from pipeline.findings.result import RunResult, addressed, unsafe_notes
+from pipeline.findings.result import RunResult, addressed, adrift_notes, unsafe_notes
 from pipeline.findings.way_names import way_names
 from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
@@ -119,7 +118,6 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
     """Return the notes on the routes and on unknowns."""
     return (
         *safety_notes(result),
-        *adrift_notes(result),
         *shut_notes(planned),
         *(
             Note.of("lane-kept", lane=lane).about(case.name)
@@ -137,25 +135,11 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
 
 
 def safety_notes(result: RunResult) -> Iterator[Note]:
-    """Yield a note for each case whose best route has a hard-over turn that meets no-go."""
+    """Yield notes on where the best routes have no room to turn, and on a vessel without thrust."""
     for case in result.cases:
         for best in case.routes[:1]:
             yield from (note.about(case.name) for note in unsafe_notes(best))
-
-
-def adrift_notes(result: RunResult) -> Iterator[Note]:
-    """Yield a note for each case whose best route has places from which a vessel drifts ashore."""
-    for case in result.cases:
-        for best in case.routes[:1]:
-            row = best.metrics
-            if math.isfinite(row.adrift_s):
-                yield Note.of(
-                    "adrift",
-                    least_s=row.adrift_s,
-                    place=Place(row.adrift_lon, row.adrift_lat),
-                    soon=row.adrift_share,
-                    ashore=row.ashore_share,
-                ).about(case.name)
+            yield from (note.about(case.name) for note in adrift_notes(best))
 
 
 def left_out_canals(result: RunResult) -> Iterator[Note]:

@@ -41,6 +41,7 @@ from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
 from pipeline.stages.narrow import narrow_stretches
 from renew.inputs.options import MAX_STATIONS, Drift
+from renew.planner.near_best import is_known, near_best
 from renew.turns.turn_reach import TurnReach
 from renew.vary.ensemble import STATISTICS
 from renew.voyage.fuel import passage
@@ -84,12 +85,25 @@ def measured(case: Case, result: CaseResult, options: PlannerOptions) -> Measure
         narrow += evaluator.narrow(route, rank)
         if not case.water.is_planar:
             adrift.append(evaluator.adrift(route))
-            row = _adrift(row, adrift[-1], case.projection)
+            row = replace(
+                _adrift(row, adrift[-1], case.projection),
+                members_adrift_share=evaluator.soon_ashore_in_members(route),
+            )
         rows.append(row)
     if result.ensemble is not None:
         rows = [_in_members(row, result.ensemble) for row in rows]
     crossings = shore_crossings(case.water, (route.path for route in routes))
-    return Measures(tuple(rows), tuple(flown), crossings, tuple(adrift), tuple(narrow))
+    near = _near_best(case, result)
+    return Measures(tuple(rows), tuple(flown), crossings, tuple(adrift), tuple(narrow), near)
+
+
+def _near_best(case: Case, result: CaseResult) -> shapely.Geometry | None:
+    """Return the water of routes that need at most 1 % more fuel than the best; None if unknown."""
+    plan = result.plan
+    # A voyage under way begins with a turn that the bound does not know.
+    if plan is None or case.before is not None or not is_known(plan):
+        return None
+    return near_best(plan)
 
 
 ADRIFT_S = 72 * 3600.0
@@ -147,6 +161,9 @@ class _RouteEvaluator:
         """Return all measurements of one route."""
         line = shapely.LineString(route.path)
         land_m, land_lon, land_lat = self._over_land(line)
+        choice, still = self._case.speeds, self._case.vessel.speed
+        if choice is not None:
+            still = float(np.clip(route.length / route.duration, choice.least, choice.most))
         measured = RouteMetrics(
             rank=rank,
             homotopy=route.homotopy,
@@ -157,6 +174,8 @@ class _RouteEvaluator:
             clearance_m=self._clearance_m(line),
             duration_s=route.duration * self._projection.scale,
             speed_m_s=float(np.average(route.speeds, weights=np.diff(route.times))),
+            still_fuel=float(self._case.vessel.rates(still)) * route.length / still,
+            energy=self._case.energy,
             optimality_gap=route.optimality_gap,
             trials=turns.trials,
             collisions=turns.collisions,
@@ -177,14 +196,31 @@ class _RouteEvaluator:
             least_water_late_m=least.late + kept_m,
         )
 
-    def adrift(self, route: renew.Route) -> renew.Adrift:
+    def soon_ashore_in_members(self, route: renew.Route) -> float:
+        """Return the share of a route from which land is met soon, in the mean of the members.
+
+        NaN without members.
+        """
+        members, soon = self._case.members, SOON_ASHORE_S / self._projection.scale
+        if members is None:
+            return math.nan
+        found = (self.adrift(route, one, soon) for one in members.currents)
+        shares = [one.share_below(soon) for one in found]
+        return float(np.average(shares, weights=members.weights))
+
+    def adrift(
+        self,
+        route: renew.Route,
+        current: renew.CurrentField | None = None,
+        horizon: float = math.inf,
+    ) -> renew.Adrift:
         """Follow a vessel that loses its thrust on a route, until it meets the original land."""
         return renew.adrift(
             route,
             self._case.chart,
-            self._case.current,
+            self._case.current if current is None else current,
             land=self._land.tolist(),
-            horizon=ADRIFT_S / self._projection.scale,
+            horizon=min(ADRIFT_S / self._projection.scale, horizon),
             lateness=self._options.lateness,
             min_lateness=MIN_LATENESS_S,
         )
@@ -414,9 +450,10 @@ def _least_fuel(case: Case, options: PlannerOptions, clearance: float, arrive_by
             "method": "optimal",
         }
     )
+    own = plan_options(asked, case.projection.scale)
     nimble = replace(case.vessel, turn_rate=_ON_THE_SPOT * case.vessel.turn_rate)
     try:
-        return replace(case, vessel=nimble).planned(plan_options(asked), arrive_by_s).best.fuel
+        return replace(case, vessel=nimble).planned(own, arrive_by_s).best.fuel
     except renew.PlanningError:
         return math.inf
 

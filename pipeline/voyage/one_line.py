@@ -77,6 +77,7 @@ def go(
     clearance_m: float | None = None,
     padding: str | float | None = None,
     shortfall: str = "least",
+    adrift: str = "",
     snap_m: float = SNAP_M,
     charts: str | Path | Sequence[str | Path] = (),
     depths: Path | None = None,
@@ -167,6 +168,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     via = tuple(continued(point, start.lon) for point in request.via)
     about = _given(members=request.members, current_variables=request.current_variables)
     planner = {"snap": request.snap_m, "shortfall": request.shortfall}
+    planner |= _given(adrift=request.adrift)
     widths = {"clearance": request.clearance_m, "padding": request.padding}
     data: dict[str, Any] = {
         "schema_version": 1,

@@ -133,11 +133,15 @@ def triangulation_of(chart: Chart) -> Triangulation:
 
 
 def triangulate(
-    chart: Chart, backend: Backend = "shapely", closed: shapely.Geometry | None = None
+    chart: Chart,
+    backend: Backend = "shapely",
+    closed: shapely.Geometry | None = None,
+    beside: float = 0.0,
 ) -> Triangulation:
     """Triangulate the chart's water, constrained to its edges, without Steiner points.
 
-    `closed` is water that is left out as if it were land; its edges are no hazard.
+    `closed` is water that is left out as if it were land; its edges are no hazard, unless land lies
+    `beside` them, within so many metres.
 
     Raises
     ------
@@ -172,7 +176,7 @@ def triangulate(
     vertices, triangles = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     triangles = triangles.reshape(-1, 3)
     neighbours = _neighbours(triangles)
-    hazardous = _hazardous(chart, closed, vertices, triangles, neighbours)
+    hazardous = _hazardous(chart, closed, vertices, triangles, neighbours, beside)
     return Triangulation(vertices, triangles, neighbours, hazardous)
 
 
@@ -230,10 +234,11 @@ def _hazardous(
     vertices: FloatArray,
     triangles: IntArray,
     neighbours: IntArray,
+    beside: float,
 ) -> BoolArray:
     """Mark the edges (t, 3) with no triangle behind them that lie on land.
 
-    The edge of the extent and the edge of closed water are not land.
+    The edge of the extent and the edge of closed water are not land, unless it lies beside them.
     """
     hazardous = neighbours < 0
     triangle, corner = np.nonzero(hazardous)
@@ -247,6 +252,9 @@ def _hazardous(
     edges = [chart.extent.exterior] if closed is None else [chart.extent.exterior, closed.boundary]
     shapely.prepare(edges)
     is_open = [shapely.dwithin(edge, middles, 4 * chart.precision) for edge in edges]
+    if beside and closed is not None:
+        shapely.prepare(chart.hard_no_go)
+        is_open[1] &= ~shapely.dwithin(chart.hard_no_go, shapely.linestrings(ends), beside)
     hazardous[triangle, corner] = ~np.any(is_open, axis=0)
     return hazardous
 

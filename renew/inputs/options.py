@@ -86,6 +86,13 @@ class PlanOptions:
         What to do where no way keeps the padding: refuse the voyage, or keep as much of the padding
         as there is room for, and list each stretch without; see :attr:`renew.Route.shortfalls`. A
         clearance yields only as far as `narrow_share` lets it.
+    adrift : float, optional
+        Time (s) that a vessel without thrust takes to land at least, from anywhere on a route, in a
+        current that does not change; any if left out. Classes that can't keep it are rejected.
+        Where it can't be had near start and goal, it counts from the first place to the last where
+        it can.
+    adrift_ends : float
+        How far from start and goal these places lie at most (m); else the voyage is refused.
 
     Raises
     ------
@@ -110,6 +117,8 @@ class PlanOptions:
     min_lateness: float = field(default=0.0, metadata={"ge": 0})
     gap_to: float = field(default=0.0, metadata={"ge": 0, "lt": 1})
     shortfall: Shortfall = field(default="refuse")
+    adrift: float | None = field(default=None)
+    adrift_ends: float = field(default=20_000.0, metadata={"ge": 0})
 
     def __post_init__(self) -> None:
         """Refuse options out of range; the error names all faults."""
@@ -164,8 +173,10 @@ class PlanOptions:
             value = getattr(self, name)
             if not is_one_of(value, words) and not is_length(value):
                 faults.append(f"{name} = {shown(value)} must be {metres}")
-        if not is_length(self.clearance):
-            faults.append(f"clearance = {shown(self.clearance)} m must be finite and at least 0")
+        for name, unit in (("clearance", "m"), ("adrift", "s"), ("adrift_ends", "m")):
+            value = getattr(self, name)
+            if not is_length(value) and not (name == "adrift" and value is None):
+                faults.append(f"{name} = {shown(value)} {unit} must be finite and at least 0")
         least, most = RANGES["narrow_share"].values()
         if not (is_number(self.narrow_share) and least <= self.narrow_share <= most):
             faults.append(
@@ -203,6 +214,8 @@ class Changes(TypedDict, total=False):
     min_lateness: float
     gap_to: float
     shortfall: Shortfall
+    adrift: float | None
+    adrift_ends: float
 
 
 RANGES = {option.name: option.metadata for option in fields(PlanOptions) if option.metadata}

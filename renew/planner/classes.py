@@ -209,6 +209,7 @@ class ClassSearch:
         self.fit(classes)
         best = sorted(self.all_found.values(), key=lambda found: found.fuel)[:classes]
         routes = tuple(map(self._planner.route, best))
+        self._reject_adrift(classes)
         rejected = tuple(one for word, one in self.rejected.items() if word not in self.found)
         water = self._planner.problem.overpowered_water
         return Plan(routes, rejected, chosen_class(routes) if routes else 0, water)
@@ -385,6 +386,24 @@ class ClassSearch:
         """Add each path that left its class to the class that it belongs to."""
         for word, found in self._slipped.items():
             _keep_best(self.found, word, found)
+
+    def _reject_adrift(self, classes: int) -> None:
+        """Reject those of the first classes that can't keep off land adrift for long enough."""
+        problem, water = self._planner.problem, self._planner.problem.adrift_water
+        if water is None:
+            return
+        free = problem.without_adrift
+        ends, planner = (problem.voyage.start, problem.voyage.goal), ClassPlanner(free)
+        for channel in free.scout(problem.likely_width).by_rays(self._rays).channels(classes):
+            if channel.word not in self.found | self.rejected:
+                error = water.reason(channel.rough_path(*ends))
+                self.rejected[channel.word] = Rejected(
+                    homotopy=channel.name,
+                    reason=str(error),
+                    channel=free.triangulation.corners[channel.triangles],
+                    cause=error,
+                    fuel_source=partial(planner.unpadded_fuel, channel),
+                )
 
     def rejected_for(self, channel: Channel, error: InfeasibleError) -> Rejected:
         """Return the rejected class, the reason, and the hours when a current shuts its way."""

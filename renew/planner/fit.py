@@ -89,7 +89,7 @@ def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> Class
         corridor = planner.growth.fitted(corridor, path)
     try:
         trajectory = steer_as_drawn(path, corridor)
-        planner.check_current(trajectory)
+        planner.check_water(path, trajectory)
     except InfeasibleError:
         return None
     if fits:

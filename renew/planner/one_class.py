@@ -342,7 +342,7 @@ class ClassPlanner:
 
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> ClassPath:
         """Steer a path (n, 2) found in the corridor, or in `used` with more padding."""
-        makes_room = self.is_thorough and used.polar == corridor.polar
+        makes_room = self.is_thorough and used.polar.crab == corridor.polar.crab
         steered = steered_with_room if makes_room else steered_as_it_is
         tight: tuple[Tight, ...] = ()
         try:
@@ -351,7 +351,7 @@ class ClassPlanner:
             if not self.problem.falls_short:
                 raise
             path, trajectory, tight = steered_tightly(path, used, self.problem.triangulation)
-        self.check_current(trajectory)
+        self.check_water(path, trajectory)
         fuel = self.problem.voyage.fuel(path)
         if not math.isfinite(fuel):
             # The steered path may arrive just in time while by the drift model it is late.
@@ -366,6 +366,12 @@ class ClassPlanner:
     def _is_of(self, corridor: Corridor, path: FloatArray) -> bool:
         """Whether a path (n, 2) is of a corridor's class."""
         return self.problem.word(path) == corridor.channel.word
+
+    def check_water(self, path: FloatArray, trajectory: FloatArray) -> None:
+        """Raise InfeasibleError if a path (n, 2) leads through shut water, or its trajectory."""
+        self.check_current(trajectory)
+        if self.problem.adrift_water is not None:
+            self.problem.adrift_water.check(path)
 
     def check_current(self, trajectory: FloatArray) -> None:
         """Raise InfeasibleError if a trajectory's current is too strong, or unknown."""

@@ -118,7 +118,8 @@ def _new_planner(request: Request, closed: Collection[Opening], most: float | No
     voyage = request.voyage(waters, vessel)
     check_endpoints(voyage)
     check_pace(voyage)
-    if request.like is not None and not closed:
+    # Water that a limit of time adrift shuts is open around a voyage's own ends.
+    if request.like is not None and not closed and not request.options.adrift:
         known = planner_of(request.like)
         return known.for_problem(known.problem.with_voyage(voyage))
     problem = Problem(voyage, request.options)

@@ -37,6 +37,7 @@ from renew.inputs.current import CurrentField
 from renew.inputs.options import PlanOptions
 from renew.kernels.current_table import changes, overpowered_spells
 from renew.paths.corridor import SLACK
+from renew.planner.adrift_water import AdriftWater
 from renew.planner.hindrances import overpowered_error
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.voyage import Voyage
@@ -47,6 +48,8 @@ NEEDED = 2.0
 MUCH_MORE = 1.2
 # How many times as much a leg without any room may cost beside its own cost, tried in this order.
 _DEARER = 0.3, 1.0, 3.0
+# Ratio to the reach of turns at which edges are cut: beyond it, for a circle of eight corners.
+_BEYOND = 1.1
 # Number of steps in which the padding yields where no way keeps it.
 _STEPS = 20
 
@@ -74,12 +77,33 @@ class Problem:
         return self.first.overpowered_water if self.first else overpowered_water(self.voyage)
 
     @cached_property
+    def adrift_water(self) -> AdriftWater | None:
+        """Water from which a vessel without thrust is on land too soon; None without a limit."""
+        if self.first:
+            return self.first.adrift_water
+        if not self.options.adrift:
+            return None
+        water = AdriftWater.of(self.voyage, self.options.adrift, self.options.adrift_ends)
+        if water.cramped is not None:
+            raise water.no_way(np.stack([water.cramped[0]] * 2))
+        return water
+
+    @cached_property
     def triangulation(self) -> Triangulation:
-        """Triangles of the water that is not overpowered."""
+        """Triangles of the water that is neither overpowered nor too close to land adrift."""
         if self.first:
             return self.first.triangulation
-        chart, shut = self.voyage.chart, self.overpowered_water
-        return triangulation_of(chart) if shut.is_empty else triangulate(chart, closed=shut)
+        chart, shut, adrift = self.voyage.chart, self.overpowered_water, self.adrift_water
+        if adrift is None or adrift.closed.is_empty:
+            return triangulation_of(chart) if shut.is_empty else triangulate(chart, closed=shut)
+        # A turn begun beside this water may reach land across it: there its edges, cut where that
+        # begins, are hazards, too.
+        reach = float(self.reach.furthest.max())
+        near = shapely.buffer(chart.hard_no_go, _BEYOND * reach, quad_segs=2)
+        every = shapely.union(shut, adrift.closed, grid_size=chart.precision)
+        parts = [shapely.difference(every, near), shapely.intersection(every, near)]
+        shut = shapely.union_all(parts, grid_size=chart.precision)
+        return triangulate(chart, closed=shut, beside=reach)
 
     @cached_property
     def rays(self) -> Rays:
@@ -166,6 +190,11 @@ class Problem:
         """Return the problem of another voyage in the same water."""
         return replace(self, voyage=voyage, first=self.first or self, base=None)
 
+    @cached_property
+    def without_adrift(self) -> "Problem":
+        """The problem with the same classes, and more: as if no vessel lost its thrust."""
+        return Problem(self.voyage, replace(self.options, adrift=None))
+
     def word(self, path: FloatArray) -> Word:
         """Return the word of a path's class."""
         word, *others = (self.rays.word(piece) for piece in self.voyage.cut(path))
@@ -199,6 +228,9 @@ class Problem:
             width = clearance + slack
             return ClassEnumerator.of(voyage, water, rays, order, clearance=width, narrow=narrow)
         except UnreachableError:
+            if self.adrift_water is not None:
+                way = self.without_adrift.scout(0.0).channels(1)[0]
+                raise self.adrift_water.no_way(way.rough_path(voyage.start, voyage.goal)) from None
             if not self.overpowered_water.is_empty:
                 # Where land separates the two, this raises the same error.
                 open_water = triangulation_of(voyage.chart)

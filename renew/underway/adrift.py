@@ -11,17 +11,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from shapely import Polygon
 
-from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, shown
-from renew.inputs.chart_and_vessel import Chart, edges_of
+from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.current import CurrentLike, as_field
-from renew.kernels.current_table import CurrentTable
-from renew.kernels.drift import drifted, shore_of
 from renew.results import Route
+from renew.voyage.drift import Drift
 from renew.voyage.voyage import early_and_late
 
 # Number of stations along a route at first, and the largest number of times that the distance
@@ -30,16 +27,6 @@ _STATIONS = 400
 _HALVINGS = 4
 # Difference between neighbours, as a share of the shorter time, above which a station is added.
 _JUMP = 0.25
-# Longest step, s, and the share of a cell of the current that a step crosses at most. With these,
-# times are within a thousandth of those with a tenth of the step.
-_LONGEST_STEP = 300.0
-_STEP = 0.25
-# Share of the time between two slices of a changing current that a step lasts at most.
-_STEP_IN_TIME = 0.25
-# Largest number of steps.
-_MOST_STEPS = 5_000
-# Number of cells along the longer side of the raster of the shore.
-_CELLS = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +55,18 @@ class Adrift:
     def least(self) -> int:
         """The station with the least time."""
         return int(self.seconds.argmin())
+
+    def ends_below(self, limit: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the first and the last stretch below a limit (s): its length, m, and least, s.
+
+        Both are the whole route where it is below the limit everywhere. Without such a stretch the
+        length is 0, and the least time that at the end.
+        """
+        kept = np.flatnonzero(self.seconds >= limit)
+        first, last = (kept[0], kept[-1]) if len(kept) else (len(self.seconds) - 1, 0)
+        begin, end = self.along[first], self.along[-1] - self.along[last]
+        least = self.seconds[: first + 1].min(), self.seconds[last:].min()
+        return (float(begin), float(least[0])), (float(end), float(least[1]))
 
     def share_below(self, limit: float) -> float:
         """Return the share of the route's length where the time is below a limit (s)."""
@@ -129,18 +128,8 @@ def adrift(
     if faults:
         raise ParameterError("; ".join(faults))
     field = as_field(current)
-    polygons = list(chart.no_go if land is None else land)
-    table = field.table(chart.bounds)
-    table = table._replace(metres=chart.metres, metres_in=chart.metres_in)
-    edges = edges_of(polygons)
-    xmin, ymin, xmax, ymax = bounds = chart.bounds
-    shore = shore_of(
-        for_kernels(edges[:, 0]),
-        for_kernels(edges[:, 1]),
-        bounds,
-        max(xmax - xmin, ymax - ymin) / _CELLS,
-    )
-    step = max(_step(table, chart), horizon / _MOST_STEPS)
+    polygons = chart.no_go if land is None else land
+    drift = Drift.of(chart, field.table(chart.bounds), polygons, horizon)
     known = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(route.path, axis=0), axis=1))])
 
     until = float(horizon), float(field.span[1])
@@ -153,14 +142,11 @@ def adrift(
         passed = [times]
         if not field.is_steady:
             passed += early_and_late(times, float(route.times[0]), lateness, min_lateness)
-        each = [drifted(for_kernels(points), one, table, shore, step, until) for one in passed]
+        each = [drift.follow(points, one, until) for one in passed]
         seconds = np.stack([one for one, _ in each])
         worst, every = seconds.argmin(axis=0), np.arange(len(points))
         ends = np.stack([one for _, one in each])[worst, every]
-        seconds = seconds[worst, every]
-        ashore = _on_land(points, polygons)
-        seconds[ashore], ends[ashore] = 0.0, points[ashore]
-        return points, seconds, ends
+        return points, seconds[worst, every], ends
 
     share = np.linspace(0.0, 1.0, _STATIONS + 1)
     found = follow(share)
@@ -187,27 +173,6 @@ def adrift(
 def _number(value: object) -> float:
     """Return a finite number; NaN, which no limit admits, for anything else."""
     return float(value) if is_finite(value) else math.nan
-
-
-def _on_land(points: FloatArray, polygons: list[Polygon]) -> BoolArray:
-    """Whether points (n, 2) lie on any polygon; these may overlap."""
-    found = np.zeros(len(points), dtype=bool)
-    near = shapely.STRtree(polygons).query(shapely.points(points))[1]
-    for k in np.unique(near).tolist():
-        shapely.prepare(polygons[k])
-        found |= shapely.intersects_xy(polygons[k], points)
-    return found
-
-
-def _step(table: CurrentTable, chart: Chart) -> float:
-    """Return the length of a step, s, in which a vessel adrift crosses little of the current."""
-    xmin, ymin, xmax, ymax = chart.bounds
-    cell = min(float(np.diff(table.x).min()), float(np.diff(table.y).min()))
-    cell = min(cell, max(xmax - xmin, ymax - ymin) / _CELLS)
-    step = min(_LONGEST_STEP, _STEP * cell / max(table.strongest, 1e-9))
-    if not table.is_steady:
-        step = min(step, _STEP_IN_TIME * float(np.diff(table.times).min()))
-    return step
 
 
 def _jumps(seconds: FloatArray) -> BoolArray:

@@ -212,7 +212,7 @@ def _titles(case: RunCase) -> tuple[str, str]:
         return title, "no route"
     best = case.routes[0].metrics
     way = f"{best.main_passage}, " if best.way else ""
-    return title, f"{way}{distance(best.length_m)}, fuel {fuel(best.fuel)}"
+    return title, f"{way}{distance(best.length_m)}, fuel {fuel(best.fuel, best)}"
 
 
 def draw_case(axes: Axes, sea: PathPatch, case: RunCase) -> None:
@@ -220,8 +220,9 @@ def draw_case(axes: Axes, sea: PathPatch, case: RunCase) -> None:
     result, routes = case.run, case.routes
     layers = [*_area_layers(axes, case), *route_layers(routes), *haven_layers(case)]
     draw_island_labels(axes, result)
-    for one in case.narrow(1):
-        axes.plot(*one.line.T, "-", linewidth=2.0, color=COLOURS["narrow"], zorder=7.5)
+    for role, lines in case.marked(1).items():
+        for line in lines:
+            axes.plot(*line.T, "-", linewidth=2.0, color=COLOURS[role], zorder=7.5)
     axes.plot(
         *result.water.projection.to_plane(case.crossings(1)).T,
         "o", markersize=7.0, markerfacecolor="none", markeredgecolor=COLOURS["shut"], zorder=7.6,

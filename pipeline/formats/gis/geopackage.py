@@ -75,6 +75,7 @@ _CASE_LAYERS = {
         ("narrow_stretches", "shore_crossings", "havens", "coverage", "diversions"), True
     ),
     "channels": False,
+    "near_best": False,
     "soft_no_go": True,
     "currents": True,
 }

@@ -430,6 +430,16 @@ def _soft_no_go(result: RunResult) -> GeoDataFrame:
     )
 
 
+def _near_best(result: RunResult) -> GeoDataFrame:
+    """Return the water outside which every route needs over 1 % more fuel than the best."""
+    found = [(case.name, case.measures.near_best) for case in result.cases]
+    known = [(name, water) for name, water in found if water is not None and not water.is_empty]
+    return frame(
+        to_lonlat(result, [water for _, water in known], ZONE_STEP_M),
+        {"season": [name for name, _ in known]},
+    )
+
+
 def _currents(result: RunResult) -> GeoDataFrame:
     """Return the current at the points of the source, towards east and north."""
     samples = [case.current_samples() for case in result.cases]
@@ -458,26 +468,19 @@ def _contingency(result: RunResult) -> GeoDataFrame:
 
 
 # Hours within which a vessel adrift is ashore, by which routes are cut.
-_ASHORE_WITHIN_H = np.array([1, 6, 24, 72])
+_ASHORE_WITHIN_H = 1, 6, 24, 72
 
 
 def _adrift(result: RunResult) -> GeoDataFrame:
     """Return parts of the routes from which a vessel without thrust is carried ashore."""
-    parts, of, within = list[shapely.LineString](), list[RankedRoute](), list[int]()
-    scale = result.water.projection.scale
-    for ranked in result.routes:
-        for found in ranked.case.measures.adrift[ranked.rank - 1 :][:1]:
-            # A part between two stations counts as the worse of them.
-            least_h = np.minimum(found.seconds[:-1], found.seconds[1:]) * scale / 3600
-            band = np.searchsorted(_ASHORE_WITHIN_H, least_h)
-            begin = np.flatnonzero(np.diff(band, prepend=-1))
-            for first, last in zip(begin, [*begin[1:], len(band)], strict=True):
-                if band[first] < len(_ASHORE_WITHIN_H):
-                    parts.append(shapely.LineString(found.points[first : last + 1]))
-                    of.append(ranked)
-                    within.append(int(_ASHORE_WITHIN_H[band[first]]))
-    lines = to_lonlat(result, parts, ROUTE_STEP_M)
-    return frame(lines, {**route_key(of), "ashore_within_h": within})
+    found = [
+        (ranked, shapely.LineString(part), hours)
+        for ranked in result.routes
+        for part, hours in ranked.case.adrift(ranked.rank, _ASHORE_WITHIN_H)
+    ]
+    lines = to_lonlat(result, [part for _, part, _ in found], ROUTE_STEP_M)
+    key = route_key([ranked for ranked, _, _ in found])
+    return frame(lines, {**key, "ashore_within_h": [hours for _, _, hours in found]})
 
 
 def _narrow_stretches(result: RunResult) -> GeoDataFrame:
@@ -578,6 +581,7 @@ FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "tidal_water": _tidal_water,
     "no_go": no_go,
     "soft_no_go": _soft_no_go,
+    "near_best": _near_best,
     "currents": _currents,
     "contingency": _contingency,
     "adrift": _adrift,

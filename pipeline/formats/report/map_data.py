@@ -21,7 +21,7 @@ from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, stretch_line
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import route_profile
-from pipeline.findings.text import zone_text
+from pipeline.findings.text import fuel_unit, zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
 from pipeline.geo.projection import Projection
 from pipeline.model import RouteKey, Water
@@ -338,6 +338,7 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
             "title": case.title,
             "current": _current(case, lattice),
             "havens": haven_lines(case, lattice.line),
+            "nearBest": lattice.rings(np.array([_near_best(case)])),
             "routes": [
                 {
                     **_route(ranked, lattice),
@@ -366,6 +367,13 @@ def numbered_sides(case: RunCase) -> list[dict[str, int | float]]:
     return found
 
 
+def _near_best(case: RunCase) -> shapely.Geometry:
+    """Return the water of a case's nearly best routes, simplified; empty where it is not known."""
+    water = case.measures.near_best or shapely.Polygon()
+    xmin, ymin, xmax, ymax = case.run.water.chart.bounds
+    return shapely.simplify(water, _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin))
+
+
 def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
     """Return soft no-go zone of each route in the plane, simplified and clipped to the chart."""
     chart = result.water.chart
@@ -387,6 +395,7 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
     projection = ranked.case.run.water.projection
     whole = lattice.to_steps(projection.to_plane(profile.lonlat))
     turns, hits = _turns(ranked)
+    size, unit = fuel_unit(ranked.metrics.fuel, ranked.metrics)
     return {
         "rank": ranked.rank,
         "way": ranked.metrics.way,
@@ -396,13 +405,18 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
         "time": series(profile.time_s),
         "distance": series(profile.distance_m),
         "course": series(profile.course_deg),
-        "fuel": series(profile.fuel),
+        "fuel": series(size * profile.fuel),
+        "fuelUnit": unit.partition(" of ")[0],
         "speed": series(profile.speed_m_s),
         "current": series(profile.current_along_m_s),
         "clearance": series(profile.clearance_m),
         "turns": lattice.line(turns),
         "hits": lattice.line(hits),
-        "narrow": [lattice.line(one.line) for one in ranked.case.narrow(ranked.rank)],
+        "marked": [
+            {"role": role, "places": lattice.line(line)}
+            for role, lines in ranked.case.marked(ranked.rank).items()
+            for line in lines
+        ],
         "shores": lattice.line(projection.to_plane(ranked.case.crossings(ranked.rank))),
     }
 

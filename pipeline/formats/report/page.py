@@ -133,6 +133,10 @@ def gather(result: RunResult) -> dict[str, Any]:
         ],
         "has_crossings": any(case.measures.shore_crossings for case in result.cases),
         "is_narrow": any(case.measures.narrow for case in result.cases),
+        "has_near_best": any(case.measures.near_best is not None for case in result.cases),
+        "is_near_land": any(
+            row.adrift_share > 0 for one in result.cases for row in one.measures.routes
+        ),
         "seasons": [case_section(case) for case in result.cases],
         "speed_labels": speed_labels(limits) if has_current else (),
         # JSON without characters that could end its element.
@@ -348,7 +352,7 @@ def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
     return page_svg(
         profile_figure(best),
         identity=f"{anchor}-profile",
-        label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
+        label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel, m)}, speed over "
         f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
     )
@@ -397,7 +401,7 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
             "metrics": one.metrics,
             "excess": excess,
             "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
-            "of_still": one.metrics.fuel_per_distance / choices.still_fuel_per_metre(one),
+            "of_still": one.metrics.fuel / one.metrics.still_fuel,
             "of_shortest": one.metrics.fuel / shortest.metrics.fuel,
         }
         for one, excess in zip(routes, excesses, strict=True)
@@ -408,16 +412,18 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
 def _rejected(case: RunCase) -> list[dict[str, Any]]:
     """Group the rejected classes by reason, in order of first appearance.
 
-    Each group has the least fuel of any class without padding, and a place for the map, or "".
+    Each group has by how much the least fuel of any class, without padding, is above the best
+    route's, and a place for the map, or "".
     """
     groups: dict[str, list[Rejected]] = {}
+    best = case.routes[0].metrics.fuel if case.routes else math.nan
     for rejected in case.plan.rejected if case.plan else ():
         groups.setdefault(case.rejection_reason(rejected), []).append(rejected)
     return [
         {
             "reason": reason,
             "homotopies": [r.homotopy for r in group],
-            "unpadded_fuel": min(r.unpadded_fuel for r in group),
+            "excess": min(r.unpadded_fuel for r in group) / best - 1,
             # The middle of the places that the reason names.
             "place": place_on_map(case.run.water, np.mean(named, axis=0))
             if (named := group[0].text.places)
@@ -515,7 +521,7 @@ def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
     way, water = row.way, case.run.water
     place = None if way is None else water.projection.to_plane(way.place)
     return {
-        **haven_texts(row, case.spec.departure),
+        **haven_texts(row, case),
         "way": way,
         "place": "" if place is None else place_on_map(water, place),
     }

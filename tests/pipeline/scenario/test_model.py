@@ -47,6 +47,7 @@ def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:
     assert taken.pop("distinct_by") == 0.0
     # Of an hour in all scenarios.
     assert taken.pop("min_lateness") == 0.0
+    assert plan_options(PlannerOptions(adrift="6h"), 10.0).adrift == 2_160.0
     # It moves a scenario's stops before there is a plan.
     assert options.pop("snap") == 0.0
     # It is kept between plans.
@@ -188,6 +189,7 @@ def test_changing_currents_are_planned_at_true_scale() -> None:
 def test_the_planners_ranges_are_those_of_plan() -> None:
     for name, field in PlannerOptions.model_fields.items():
         if name in {
+            "adrift",
             "clearance",
             "lanes",
             "snap",

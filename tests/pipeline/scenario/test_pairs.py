@@ -86,6 +86,8 @@ def planner(draw: Draw) -> dict[str, Any]:
     if draw(RARE):
         options |= {"method": "sampled", "samples": 20}
     if draw(RARE):
+        options["adrift"] = "2min"
+    if draw(RARE):
         options["order"] = draw(["length", "depth-first"])
     if draw(RARE):
         options["padding"] = "none"

@@ -28,10 +28,10 @@ function readSeries({ step, moves }) {
 
 /** A route with its places, and its profile along them. */
 function readRoute(route, step) {
-  const { rank, way, side, isSide, excess } = route;
-  const read = { rank, way, side, isSide, excess };
+  const { rank, way, side, isSide, excess, fuelUnit } = route;
+  const read = { rank, way, side, isSide, excess, fuelUnit };
   for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], step);
-  read.narrow = route.narrow.map((line) => readLine(line, step));
+  read.marked = route.marked.map(({ role, places }) => ({ role, places: readLine(places, step) }));
   read.soft = route.soft.map((ring) => readRing(ring, step));
   for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
     read[name] = readSeries(route[name]);
@@ -95,6 +95,7 @@ function readData(data) {
         ways: lines(season.havens.ways),
         stretches: season.havens.stretches.map(({ state, places }) => ({ state, places: readLine(places, step) })),
       },
+      nearBest: season.nearBest.map((ring) => readRing(ring, step)),
       routes: season.routes.map((route) => readRoute(route, step)),
     })),
   };

@@ -112,7 +112,7 @@ class RouteMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", "narrow", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
+    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", "narrow", "adrift", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -203,9 +203,10 @@ class RouteMap {
       }),
     );
     this.hovered = null;
+    this.nearBest = this.area([], "soft", {}).addTo(this.map);
     this.soft = this.area([], "soft", {});
-    for (const name of ["havens", "turns", "shores", "narrow", "closest", "spot", "prices"]) this[name] = this.add(L.layerGroup());
-    this.drawn.push(this.soft);
+    for (const name of ["havens", "turns", "shores", "marked", "closest", "spot", "prices"]) this[name] = this.add(L.layerGroup());
+    this.drawn.push(this.nearBest, this.soft);
   }
 
   /** Label islands: those that distinguish ways by number or name, all others in names of classes smaller, by number. */
@@ -273,6 +274,7 @@ class RouteMap {
     this.toggle(this.zones, choice.layers.zones);
     this.zones.bringToBack();
     this.showRoutes(choice);
+    this.nearBest.setLatLngs(season.nearBest);
     this.soft.setLatLngs(route ? route.soft : []);
     this.toggle(this.soft, choice.layers.soft && Boolean(route));
     this.havens.clearLayers();
@@ -281,7 +283,7 @@ class RouteMap {
     this.toggle(this.turns, choice.layers.turns);
     this.turns.clearLayers();
     this.shores.clearLayers();
-    this.narrow.clearLayers();
+    this.marked.clearLayers();
     this.closest.clearLayers();
     if (route) this.showSafety(route);
     this.vessel.setOpacity(route ? 1 : 0);
@@ -342,9 +344,9 @@ class RouteMap {
     this.label(at, text, "price-label", "center", this.role(season, index)).addTo(this.prices);
   }
 
-  /** Stretches without room to turn, hard-over turns, land of another shoreline, and the closest point to land. */
+  /** Stretches without room to turn and near land without thrust, hard-over turns, land of another shoreline, and the closest point to land. */
   showSafety(route) {
-    for (const stretch of route.narrow) this.line(stretch, "routes", { weight: 3, opacity: 1 }).addTo(this.narrow);
+    for (const { role, places } of route.marked) this.line(places, "routes", { weight: 3, opacity: 1, role }).addTo(this.marked);
     for (const place of route.shores) this.dot(place, { radius: 7, weight: 2, fill: false, shore: true }).addTo(this.shores);
     for (const place of route.turns) this.dot(place, { radius: 1.8, weight: 1, fillOpacity: 1, hit: false }).addTo(this.turns);
     for (const place of route.hits) this.dot(place, { radius: 5, weight: 2, fillOpacity: 1, hit: true }).addTo(this.turns);
@@ -389,6 +391,7 @@ class RouteMap {
     this.sheet.setStyle({ fillColor: colour("water") });
     for (const land of [this.beyond, this.land]) land.setStyle({ fillColor: colour("land"), color: colour("coast") });
     this.edge.setStyle({ color: colour("frame") });
+    this.nearBest.setStyle({ fillColor: colour(this.role(this.choice.season, 0)), fillOpacity: 0.1 });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
     this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
     this.routes.forEach((lines, s) => lines.forEach((line, r) => line.setStyle({ color: colour(this.role(s, r)) })));
@@ -402,7 +405,7 @@ class RouteMap {
     this.havens.eachLayer((layer) => {
       if (layer.options.role) layer.setStyle({ color: colour(layer.options.role), fillColor: colour("halo") });
     });
-    this.narrow.eachLayer((line) => line.setStyle({ color: colour("narrow") }));
+    this.marked.eachLayer((line) => line.setStyle({ color: colour(line.options.role) }));
     this.shores.eachLayer((dot) => dot.setStyle({ color: colour("shut") }));
     this.spot.eachLayer((layer) => {
       if (layer.options.spot) layer.setStyle({ color: colour("hit") });
