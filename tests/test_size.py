@@ -25,7 +25,7 @@ ROOMS = {
     "pipeline/model": (1_536, 36),
     "pipeline/nightly": (3_621, 28),
     "pipeline/scenario": (2_646, 37),
-    "pipeline/serve": (1_711, 9),
+    "pipeline/serve": (1_722, 9),
     "pipeline/sources": (10_487, 46),
     "pipeline/stages": (5_238, 15),
     "pipeline/voyage": (2_512, 9),
