@@ -150,6 +150,8 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     for case in result.cases:
         met = [one.metrics for one in case.routes if one.rank == 1 and one.metrics.collisions]
         yield from (text.turns_text(row) for row in met if not case.narrow(1))
+    short = [note for note in result.unknowns if note.kind == "energy-short"]
+    yield from note_texts(short)
     lacking = [case.name for case in result.cases if case.lacks_current]
     if lacking:
         yield f"current NOT known{_of(lacking, outcome)}; nothing is proven for the real one"
@@ -157,7 +159,8 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     if crossed and 1 not in over:
         routes = f"route{'s' * (len(over) > 1)} {', '.join(map(str, sorted(over)))}"
         yield f"{routes}: over land of another shoreline (places: --verbose)"
-    others = [note for note in result.unknowns if note not in (*crossed, *result.narrow_notes)]
+    told_before = (*crossed, *result.narrow_notes, *short)
+    others = [note for note in result.unknowns if note not in told_before]
     told = {
         "current-used",
         "current-stands-in",

@@ -162,7 +162,12 @@ def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
 
 
 def _doubts(result: RunResult) -> Iterator[Notice]:
-    """Yield the notices directly below the answer: on currents, other routes and decisions."""
+    """Yield the notices directly below the answer: energy, currents, other routes, decisions."""
+    short = [note for note in result.unknowns if note.kind == "energy-short"]
+    yield (
+        "Too little on board",
+        tuple(("", f"{text.capitalised(one)}.") for one in note_texts(short)),
+    )
     with_grid = [case for case in result.cases if case.grid is not None]
     yield (
         "Planned with stand-in currents",
