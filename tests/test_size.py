@@ -17,9 +17,9 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_490, 28),
     "pipeline": (1_125, 13),
-    "pipeline/cli": (2_737, 6),
+    "pipeline/cli": (2_740, 6),
     "pipeline/findings": (3_988, 18),
-    "pipeline/formats": (7_747, 14),
+    "pipeline/formats": (7_752, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
     "pipeline/model": (1_536, 36),
