@@ -12,7 +12,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import LateFaults, NoWayError, PipelineError, StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
-from pipeline.findings.text import clearance, environment, season_name, season_text
+from pipeline.findings.text import clearance, environment, fuel, season_name, season_text
 from pipeline.geo.projection import position_text
 from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
@@ -121,7 +121,8 @@ class Outcome:
     def _repr_html_(self) -> str:
         """Return the routes as a table for a notebook."""
         template = environment("pipeline.formats.report").get_template("outcome.html.jinja")
-        return template.render(outcome=self, season_name=season_name, clearance=clearance)
+        words = {"season_name": season_name, "clearance": clearance, "fuel": fuel}
+        return template.render(outcome=self, **words)
 
 
 def run(

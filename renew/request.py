@@ -101,7 +101,7 @@ class Request:
                 for name, value in (("arrive_by", arrive_by), ("speed", speed))
                 if value is not None
             ]
-        faults += [*_speed_faults(speed), *more_faults]
+        faults += [*_speed_faults(speed, vessel), *more_faults]
         faults += [
             f"via points need {name} = {needed!r}, not {shown(given[name])}"
             for name, needed in (("method", "optimal"), ("order", "fuel"))
@@ -183,7 +183,7 @@ def _time_faults(departure: object, arrive_by: object) -> list[str]:
     return []
 
 
-def _speed_faults(speed: object) -> list[str]:
+def _speed_faults(speed: object, vessel: Vessel) -> list[str]:
     """Faults of the speeds (m/s) from which a vessel may choose."""
     if speed is None:
         return []
@@ -198,4 +198,6 @@ def _speed_faults(speed: object) -> list[str]:
         faults.append(
             f"speed.least = {speed[0]!r} m/s is above speed.most = {speed[1]!r} m/s; exchange them"
         )
+    for name, value in zip(("least", "most"), speed, strict=True):
+        faults += vessel.speed_faults(f"speed.{name}", value)
     return faults

@@ -44,6 +44,8 @@ _ISLANDS = (
 _START = (10.0, 10.0)
 _GOAL = (90.0, 90.0)
 _VESSEL = Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
+# Its law of fuel is a table.
+_TABLED = Vessel(1.0, math.radians(35), power=((0.8, 0.6), (1.0, 1.0), (1.4, 2.4)), hotel=0.2)
 _GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
 
 
@@ -78,6 +80,12 @@ REHEARSALS: tuple[tuple[str, CurrentLike, dict[str, Any]], ...] = (
         VaryingCurrent([0.0, 400.0], [_GYRE, GyreCurrent(0.6, _SIDE, _SIDE)]),
         {"speed": (0.9, 1.3), "arrive_by": 120.0, "classes": 2},
     ),
+    ("a power by speed", _GYRE, {"vessel": _TABLED, "speed": (0.9, 1.3), "arrive_by": 120.0}),
+    (
+        "a power by speed as the current changes",
+        VaryingCurrent([0.0, 400.0], [_GYRE, GyreCurrent(0.6, _SIDE, _SIDE)]),
+        {"vessel": _TABLED, "speed": (0.9, 1.3), "arrive_by": 120.0, "classes": 2},
+    ),
     ("no way through", _GYRE, {"padding": 30.0}),
 )
 """Small plans: their descriptions, currents and options. Together they call every kernel with all
@@ -93,10 +101,12 @@ def rehearse() -> Iterator[str]:
     for what, current, options in REHEARSALS:
         yield what
         with contextlib.suppress(UnreachableError):
-            route = plan(chart, current, _VESSEL, _START, _GOAL, **options).best
-            contingency(route, chart, current, _VESSEL)
-            tightest(route, current, _VESSEL)
-            fuel(route.path, current, _VESSEL)
+            given = dict(options)
+            vessel = given.pop("vessel", _VESSEL)
+            route = plan(chart, current, vessel, _START, _GOAL, **given).best
+            contingency(route, chart, current, vessel)
+            tightest(route, current, vessel)
+            fuel(route.path, current, vessel)
             _ = (route.channel, route.soft_no_go)
             if not options:
                 _sail_freely(chart, current)

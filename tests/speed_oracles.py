@@ -74,10 +74,12 @@ def least_fuel(
     exponent: float,
     crab: bool,
     moving: bool,
+    hotel: float = 0.0,
 ) -> float:
     """Least fuel found to sail a path (n, 2) in a time (s), over the speeds of its legs.
 
-    Its inner points may be moved as well, square to the line between its ends.
+    `hotel` is burnt each second beside the power of the speed. Its inner points may be moved as
+    well, square to the line between its ends.
     """
     legs, (a, b) = len(path) - 1, path[[0, -1]]
     square = np.array([a[1] - b[1], b[0] - a[0]]) / math.dist(a, b)
@@ -89,7 +91,7 @@ def least_fuel(
         return leg_times(way, values[..., :legs], current, crab=crab)
 
     def fuel(values: FloatArray) -> FloatArray:
-        return np.asarray((values[..., :legs] ** exponent * times(values)).sum(-1))
+        return np.asarray(((values[..., :legs] ** exponent + hotel) * times(values)).sum(-1))
 
     def spare(values: FloatArray) -> FloatArray:
         return np.asarray((time - times(values).sum(-1)) / time)
@@ -131,6 +133,7 @@ class CostModel:
     speeds: tuple[float, float]
     exponent: float
     drift: Drift
+    hotel: float = 0.0
 
     def sailed(
         self, a: FloatArray, b: FloatArray, begin: FloatArray, speed: FloatArray, pieces: int
@@ -145,7 +148,7 @@ class CostModel:
         for leg in range(speeds.shape[1]):
             speed = speeds[:, leg]
             then = self.sailed(paths[:, leg], paths[:, leg + 1], now, speed, _PIECES)
-            fuel, now = fuel + speed**self.exponent * (then - now), then
+            fuel, now = fuel + (speed**self.exponent + self.hotel) * (then - now), then
         return fuel, now
 
 
@@ -183,7 +186,9 @@ def least_fuel_in_table(
         begin = np.asarray(costs.departure + depth * step, dtype=np.float64)
         tail = np.broadcast_to(points[node], (len(pairs), 2))
         arrival = costs.sailed(tail, points[head], begin, speeds[speed], 2)
-        burnt = fuel[node, depth] + speeds[speed] ** costs.exponent * (arrival - begin)
+        burnt = fuel[node, depth] + (speeds[speed] ** costs.exponent + costs.hotel) * (
+            arrival - begin
+        )
         reached = np.ceil((arrival - costs.departure) / step - 1e-9)
         fine = np.isfinite(burnt) & (reached <= buckets)
         at, there = head[fine], reached[fine].astype(int)

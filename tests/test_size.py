@@ -15,35 +15,35 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_478, 28),
-    "pipeline": (1_124, 13),
-    "pipeline/cli": (2_733, 6),
-    "pipeline/findings": (3_977, 18),
-    "pipeline/formats": (7_723, 14),
+    "renew": (1_490, 28),
+    "pipeline": (1_125, 13),
+    "pipeline/cli": (2_740, 6),
+    "pipeline/findings": (3_988, 18),
+    "pipeline/formats": (7_752, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
-    "pipeline/model": (1_461, 35),
-    "pipeline/nightly": (3_620, 28),
-    "pipeline/scenario": (2_587, 36),
-    "pipeline/serve": (1_710, 9),
+    "pipeline/model": (1_536, 36),
+    "pipeline/nightly": (3_621, 28),
+    "pipeline/scenario": (2_646, 37),
+    "pipeline/serve": (1_711, 9),
     "pipeline/sources": (10_487, 46),
-    "pipeline/stages": (5_205, 15),
-    "pipeline/voyage": (2_509, 9),
-    "renew/bounds": (1_603, 8),
+    "pipeline/stages": (5_238, 15),
+    "pipeline/voyage": (2_512, 9),
+    "renew/bounds": (1_604, 8),
     "renew/classes": (2_426, 14),
-    "renew/inputs": (2_177, 23),
-    "renew/kernels": (2_251, 18),
-    "renew/paths": (1_843, 9),
-    "renew/planner": (3_701, 12),
+    "renew/inputs": (2_247, 23),
+    "renew/kernels": (2_392, 19),
+    "renew/paths": (1_854, 9),
+    "renew/planner": (3_692, 12),
     "renew/steering": (896, 1),
     "renew/turns": (1_663, 13),
     "renew/underway": (2_277, 13),
     "renew/vary": (1_825, 9),
-    "renew/voyage": (936, 6),
+    "renew/voyage": (942, 6),
 }
-MOST_FILES = 230
+MOST_FILES = 231
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (6, 24), "optimality_gap": (5, 11), "seasons?": (59, 537)}
+WORDS = {"endurance": (7, 25), "optimality_gap": (5, 11), "seasons?": (59, 537)}
 
 
 def modules(room: str) -> dict[Path, str]:

@@ -136,7 +136,10 @@ def _class_title(ranked: RankedRoute) -> tuple[str, str]:
     """Return the title of a class's map, and its route's length and fuel."""
     metrics = ranked.metrics
     way = metrics.way or f"class {metrics.rank}"
-    return f"{metrics.rank}: {way}", f"{distance(metrics.length_m)}, fuel {fuel(metrics.fuel)}"
+    return (
+        f"{metrics.rank}: {way}",
+        f"{distance(metrics.length_m)}, fuel {fuel(metrics.fuel, metrics)}",
+    )
 
 
 def padding(result: RunResult, season: str) -> Figure:

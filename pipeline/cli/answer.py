@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 
 from pipeline.cli.terminal import table, wrapped
-from pipeline.findings import choices, text
+from pipeline.findings import text
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RankedRoute, RunCase
 from pipeline.findings.sentences import case_facts
@@ -81,8 +81,12 @@ def _way(case: RunCase, outcome: Outcome) -> Iterator[str]:
 
 
 def _fuel(ranked: RankedRoute) -> str:
-    """Say a route's fuel as a share of what the same way takes in still water."""
-    share = ranked.metrics.fuel_per_distance / choices.still_fuel_per_metre(ranked)
+    """Say a route's energy and what is left, or the share of the fuel in still water."""
+    row = ranked.metrics
+    if row.energy is not None:
+        left = f", {text.fuel(row.left, row)} left" if row.left > 0 else ""
+        return f"{text.fuel(row.fuel, row)}{left}"
+    share = row.fuel / row.still_fuel
     is_alike = abs(share - 1) < _AS_IN_STILL
     return f"fuel {'as in' if is_alike else f'{text.percent(share)} of'} still water"
 
@@ -146,6 +150,8 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     for case in result.cases:
         met = [one.metrics for one in case.routes if one.rank == 1 and one.metrics.collisions]
         yield from (text.turns_text(row) for row in met if not case.narrow(1))
+    short = [note for note in result.unknowns if note.kind == "energy-short"]
+    yield from note_texts(short)
     lacking = [case.name for case in result.cases if case.lacks_current]
     if lacking:
         yield f"current NOT known{_of(lacking, outcome)}; nothing is proven for the real one"
@@ -153,7 +159,8 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     if crossed and 1 not in over:
         routes = f"route{'s' * (len(over) > 1)} {', '.join(map(str, sorted(over)))}"
         yield f"{routes}: over land of another shoreline (places: --verbose)"
-    others = [note for note in result.unknowns if note not in (*crossed, *result.narrow_notes)]
+    told_before = (*crossed, *result.narrow_notes, *short)
+    others = [note for note in result.unknowns if note not in told_before]
     told = {
         "current-used",
         "current-stands-in",

@@ -113,7 +113,7 @@ class SpeedTradeOff:
     choice : the speeds that may be chosen.
     durations_s : (n,) seconds under way, ascending; the first is sailed at the highest speed.
     fuels : (n,) falling, in the planner's units.
-    duration_s, fuel : of the best route.
+    metrics : of the best route.
     slowest, fastest : its lowest and highest speed through water, m/s.
     """
 
@@ -123,10 +123,19 @@ class SpeedTradeOff:
     choice: SpeedChoice
     durations_s: FloatArray
     fuels: FloatArray
-    duration_s: float
-    fuel: float
+    metrics: RouteMetrics
     slowest: float
     fastest: float
+
+    @property
+    def duration_s(self) -> float:
+        """Time under way of the best route, s."""
+        return self.metrics.duration_s
+
+    @property
+    def fuel(self) -> float:
+        """Fuel of the best route, in the planner's units."""
+        return self.metrics.fuel
 
     def fuel_after(self, duration_s: float) -> float:
         """Return least fuel to reach the goal within a duration, s; NaN if that is too short."""
@@ -155,8 +164,7 @@ def trade_off(case: RunCase) -> SpeedTradeOff | None:
         choice=choice,
         durations_s=stretch * (plan.trade_off.arrivals - route.times[0]),
         fuels=plan.trade_off.fuels,
-        duration_s=metrics.duration_s,
-        fuel=metrics.fuel,
+        metrics=metrics,
         slowest=float(route.speeds.min()),
         fastest=float(route.speeds.max()),
     )
@@ -222,24 +230,6 @@ def _worth(chosen: SpeedTradeOff) -> Iterator[str]:
         )
 
 
-def still_speed_m_s(ranked: RankedRoute) -> float:
-    """Return the speed at which a route would be sailed in still water, m/s.
-
-    Where speeds are chosen: the route's mean speed over ground, within the allowed speeds.
-    """
-    case = ranked.case.case
-    if case.speeds is None:
-        return case.vessel.speed
-    speed = text.speed_over_ground(ranked.metrics)
-    return float(np.clip(speed, case.speeds.least, case.speeds.most))
-
-
-def still_fuel_per_metre(ranked: RankedRoute) -> float:
-    """Return the fuel per metre of the planner's plane that a route would take in still water."""
-    vessel = ranked.case.case.vessel
-    return float(vessel.fuel_coefficient * still_speed_m_s(ranked) ** (vessel.fuel_exponent - 1))
-
-
 # Smallest fuel that is mentioned, as a share of the fuel planned.
 _LEAST = 5e-5
 # Smallest time that is mentioned, s.
@@ -264,17 +254,17 @@ def replanned_text(replan: ReplanFigures) -> tuple[str, ...]:
 
 def _answer(replan: ReplanFigures) -> str:
     """Say which way to take, with the fuel of each side."""
-    fuel = text.number(replan.fuel)
+    fuel = text.fuel(replan.fuel, replan)
     if replan.answer == "kept":
-        return f"Kept: stay on the way that was planned, which needs {fuel} of fuel from here"
+        return f"Kept: stay on the way that was planned, which needs {fuel} from here"
     if math.isfinite(replan.kept_fuel):
         return (
-            f"Switched: take the other way, which needs {fuel} of fuel from here; the way that was "
-            f"planned would need {text.number(replan.kept_fuel)}"
+            f"Switched: take the other way, which needs {fuel} from here; the way that was "
+            f"planned would need {text.fuel(replan.kept_fuel, replan)}"
         )
     reason = f" ({replan.kept_reason})" if replan.kept_reason else ""
     return (
-        f"Switched: take the other way, which needs {fuel} of fuel from here; the way that was "
+        f"Switched: take the other way, which needs {fuel} from here; the way that was "
         f"planned can't be sailed from here{reason}"
     )
 
@@ -293,7 +283,7 @@ def _place(replan: ReplanFigures) -> str:
 def _causes(replan: ReplanFigures) -> str:
     """Say what changed the fuel of the whole voyage."""
     changes = [
-        f"{words} {'costs' if fuel > 0 else 'saves'} {text.number(abs(fuel))}"
+        f"{words} {'costs' if fuel > 0 else 'saves'} {text.fuel(abs(fuel), replan)}"
         for words, fuel in (
             ("being off the plan, late or early", replan.by_drift),
             ("the new forecast", replan.by_forecast),
@@ -304,10 +294,12 @@ def _causes(replan: ReplanFigures) -> str:
     if not math.isfinite(replan.by_drift):
         changes = ["no straight leg leads back to the planned way"]
     why = f": {', '.join(changes)}" if changes else ", as planned"
+    planned = ""
+    if replan.energy is not None:
+        planned = f"The plan needed {text.fuel(replan.planned_fuel, replan)}, of which "
     return (
-        f"The plan needed {text.number(replan.planned_fuel)} of fuel, of which "
-        f"{text.number(replan.burnt)} is burnt; the whole voyage now needs "
-        f"{text.number(replan.burnt + replan.fuel)}{why}"
+        f"{planned}{text.fuel(replan.burnt, replan)} is burnt; the whole voyage now needs "
+        f"{text.fuel(replan.burnt + replan.fuel, replan)}{why}"
     )
 
 
@@ -418,7 +410,7 @@ def _sentences(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> It
                 f", and at most {text.at_most_percent(p90 / mean - 1)} more in nine members of ten"
                 f"; the worst tenth needs {text.percent(cvar / mean - 1)} more"
             )
-        yield f"The route taken needs {text.fuel(mean)} on average{worst}.{most}"
+        yield f"The route taken needs {text.fuel(mean, metrics[0])} on average{worst}.{most}"
         if ensemble.waiting_saves > _NOTHING * mean:
             worth = text.at_most_percent(ensemble.waiting_saves / mean)
             yield (

@@ -402,6 +402,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"within the limits; from {text.share(uncovered)} nobody gets to one in time; "
         f"{text.share(not_settled)} is not settled"
     ),
+    "energy-short": lambda rank, needs, has, unit: (
+        f"route {rank} needs {text.number(needs)} {unit}, and battery or tank give "
+        f"{text.number(has)} {unit} over the reserve: the vessel doesn't get there"
+    ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
     "adrift": lambda least_s, place, soon, ashore: (
         f"if the thrust is lost on the best route, the current alone carries the vessel ashore in "

@@ -554,8 +554,12 @@ def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
 
 
 def unsafe_notes(ranked: RankedRoute) -> Iterator[Note]:
-    """Yield a note on each stretch without room for a turn, and if a turn meets no-go elsewhere."""
+    """Yield notes: stretches without room for a turn, too little energy, other turns into no-go."""
     yield from narrow_notes(ranked)
+    energy = ranked.metrics.energy
+    if energy is not None and ranked.metrics.left < 0:
+        needs, has = (energy.units * one for one in (ranked.metrics.fuel, energy.on_board))
+        yield Note.of("energy-short", rank=ranked.rank, needs=needs, has=has, unit=energy.unit)
     metrics, case, narrow = ranked.metrics, ranked.case, ranked.case.narrow(ranked.rank)
     if not metrics.collisions:
         return
@@ -584,7 +588,7 @@ def route_unknowns(ranked: RankedRoute) -> tuple[Note, ...]:
     said = (
         note
         for note in case.run.fetched.notes
-        if note.kind in NOT_KNOWN - {"narrow-stretch"}
+        if note.kind in NOT_KNOWN - {"energy-short", "narrow-stretch"}
         and (not note.cases or case.name in note.cases)
     )
     of_case = (*_of_currents([case]), *crossing_notes(crossings, case.scenario.chart))

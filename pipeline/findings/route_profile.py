@@ -256,7 +256,7 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
     taken = steps(sampled, ranked)
     way = np.diff(sampled, axis=0)
     tangent = _with_last_repeated(way / np.linalg.norm(way, axis=1, keepdims=True))
-    step_fuel = taken.planner_s * taken.through_water_m_s**case.vessel.fuel_exponent
+    step_fuel = taken.planner_s * case.vessel.rates(taken.through_water_m_s)
     clearance = _to_coast_m(coast, sampled, projection)
     if closest is not None:
         if metrics.land_m > 0:

@@ -260,7 +260,7 @@ def _bound(best: RouteMetrics) -> str:
     bound = best.fuel / (1 + best.optimality_gap)
     return (
         "By the same law of fuel no route within the chart, of any class and however close "
-        f"to {best.no_go_name}, needs less than {text.fuel(bound, least=True)}; this one is "
+        f"to {best.no_go_name}, needs less than {text.fuel(bound, best, least=True)}; this one is "
         f"within {text.at_most_percent(best.optimality_gap)} of that bound."
     )
 

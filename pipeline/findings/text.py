@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup, escape
 
-from pipeline.model import Case, GapShares, RouteMetrics, Zone
+from pipeline.model import Case, GapShares, ReplanFigures, RouteMetrics, Zone
 from pipeline.scenario.season import named_departure
 from renew.errors import Duration, Moment, Text, in_seconds
 
@@ -31,9 +31,8 @@ _KILOMETRES_FROM_M = 1_000.0
 _DAY_S = 86_400.0
 _HOUR_S = 3_600.0
 _MINUTE_S = 60.0
-# Least fuel for a unit, the unit, and its name. Fuel may be any number: the vessel's rate sets its
-# unit.
-_FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))
+# From this number of Wh, kWh are given.
+_KWH_FROM_WH = 10_000.0
 # A difference below this part of the last decimal place counts as the value's own rounding error.
 _EXACT = 1e-6
 
@@ -108,15 +107,27 @@ def speed_range(slowest: float, fastest: float) -> tuple[str, str]:
     return (f"{low:.2f}", f"{high:.2f}") if low < high else (plain(slowest), plain(slowest))
 
 
-def fuel(value: float, *, least: bool = False) -> str:
-    """Format fuel to four digits: 695.6, 16.82 million; the `least` that is needed rounded down."""
-    unit, name = fuel_unit(value)
-    return f"{number(_digits_down(value / unit, 4) if least else value / unit)} {name}".rstrip()
+def fuel(value: float, of: RouteMetrics | ReplanFigures, *, least: bool = False) -> str:
+    """Format fuel for readers to four digits: 755.0 Wh, 12.31 kWh, 98.21 % of still water.
+
+    The `least` that is needed is rounded down.
+    """
+    size, unit = fuel_unit(value, of)
+    shown = value * size
+    if not math.isfinite(shown):
+        return ABSENT
+    return f"{number(_digits_down(shown, 4) if least else shown)} {unit}"
 
 
-def fuel_unit(value: float) -> tuple[float, str]:
-    """Return the unit for a fuel figure, and its name: million; 1 and no name for a small one."""
-    return next((unit[1:] for unit in _FUEL_UNITS if unit[0] <= value < math.inf), (1.0, ""))
+def fuel_unit(most: float, of: RouteMetrics | ReplanFigures) -> tuple[float, str]:
+    """Return what a unit of a route's fuel is in the unit for readers, for up to `most`; its name.
+
+    Without the vessel's power it is a share: the fuel may be any number.
+    """
+    size, unit = of.fuel_unit
+    if unit == "Wh" and most * size >= _KWH_FROM_WH:
+        return size / 1000, "kWh"
+    return size, unit
 
 
 def box(bounds: Sequence[float]) -> str:

@@ -77,7 +77,7 @@ _PLAIN = 8.0
 # Size of the title, points.
 _LARGE = 15.0
 # Widths of the table's columns, points; columns without a heading are left out. Height of headings.
-_COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 56, 64, 46, 56, 138)
+_COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 42, 56, 64, 46, 56, 138)
 _HEADINGS_PT = 28.0
 _HAVEN_COLUMNS = (80, 76, 80, 100, 76, 62, 68, 40, 40, 52, 52, 44)
 # Size of the map on a case's first page, points.
@@ -145,12 +145,13 @@ def _haven_pages(case: RunCase) -> Iterator[Figure]:
     top = _HEIGHT - _MARGIN - 30
     below = top - _height(facts) - _NOTES_GAP_PT
     pages = list(_paged(printed_rows(case), below, top, 0.0))
+    headings = PRINTED | ({} if points.ranked.metrics.energy else {"fuel": ""})
     for number, part in enumerate(pages, start=1):
         page = _page(points, f"ways to havens, page {number} of {len(pages)}")
         if number == 1:
             _paragraphs(page, facts, top)
         level = below if number == 1 else top
-        _put_table(page, PRINTED, _HAVEN_COLUMNS, part, level)
+        _put_table(page, headings, _HAVEN_COLUMNS, part, level)
         yield page
 
 
@@ -294,7 +295,7 @@ def _put_table(
     """
     used = {name: width for name, width in zip(headings, columns, strict=True) if headings[name]}
     widths = np.array([*used.values()])
-    widths += (sum(columns) - widths.sum()) // len(used)
+    widths += (int(_WIDTH - 2 * _MARGIN) - widths.sum()) // len(used)
     lefts = _MARGIN + np.cumsum(widths) - widths
     for left, name in zip(lefts, used, strict=True):
         _write(page, headings[name], (left, top), _SMALL, bold=True)

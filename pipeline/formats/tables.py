@@ -176,6 +176,7 @@ _LEGS = {
     "to_go_nm": "To go\nNM",
     "speed_kn": "Speed over\nground, kn",
     "passed": "Passed",
+    "left": "Left\n{}",
     "limits_m": "Limits, m\nport / stbd",
     "current": "Current on leg\nto ° true, kn",
     "clearance": "Least\nclearance",
@@ -191,6 +192,10 @@ def leg_headings(points: Waypoints) -> dict[str, str]:
         headings["speed_kn"] = "Speed, kn\nSOG / STW"
     if points.ranked.route.least_water is None:
         headings["water"] = ""
+    energy = points.ranked.metrics.energy
+    headings["left"] = (
+        headings["left"].format(energy.unit) if energy and points.left is not None else ""
+    )
     return headings
 
 
@@ -217,6 +222,7 @@ def rows(points: Waypoints, departure: datetime | None) -> list[dict[str, str]]:
             "longitude": position(float(longitude), "EW", 3),
             "to_go_nm": f"{to_go[index]:.1f}",
             "passed": _moment_cell(float(points.time_s[index]), departure),
+            "left": "" if points.left is None else f"{math.floor(points.left[index]):,}",
         }
         if index:
             row |= _leg(points, index - 1)
@@ -385,12 +391,12 @@ PRINTED = {
     "longest": "At most,\nin all",
     "fuel": "Fuel",
 }
-"""Columns of the printed table, with their headings; the fuel is in the planner's units."""
+"""Columns of the printed table, with their headings."""
 
 
 def printed_rows(case: RunCase) -> list[dict[str, str]]:
     """Return the rows of a case for the passage plan, by the columns of `PRINTED`."""
-    rows = [haven_texts(row, case.spec.departure) for row in haven_rows(case)]
+    rows = [haven_texts(row, case) for row in haven_rows(case)]
     for row in rows:
         row["haven"] = drawable(row.get("haven", ""), _MAX_NAME)
     return rows
@@ -403,8 +409,12 @@ def _moment_cell(seconds: float, departure: datetime | None) -> str:
     return f"{to_minute(time_after(departure, seconds)):%Y-%m-%d %H:%M}"
 
 
-def haven_texts(row: HavenRow, departure: datetime | None) -> dict[str, str]:
-    """Return a row as text, by the columns of `PRINTED`; the last place to turn has no begin."""
+def haven_texts(row: HavenRow, case: RunCase) -> dict[str, str]:
+    """Return a row as text, by the columns of `PRINTED`; the last place to turn has no begin.
+
+    Fuel is left out if the vessel's power is not known: it is in proportion to time.
+    """
+    departure, best = case.spec.departure, case.routes[0].metrics
     cells = {
         "kind": row.kind,
         "begin": "" if row.kind in LAST_TURNS else _moment_cell(row.begin_s, departure),
@@ -421,7 +431,7 @@ def haven_texts(row: HavenRow, departure: datetime | None) -> dict[str, str]:
             "length": f"{way.length_m / NAUTICAL_MILE_M:.1f}",
             "takes": duration_text(way.duration_s),
             "longest": duration_text(row.longest_s),
-            "fuel": fuel_text(way.fuel),
+            "fuel": fuel_text(way.fuel, best) if best.energy else "",
         }
     return cells
 

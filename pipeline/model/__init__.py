@@ -3,6 +3,7 @@
 from pipeline.model.case import (
     Case,
     Current,
+    Energy,
     MemberCurrents,
     SimplifiedLand,
     SpeedChoice,
@@ -48,6 +49,7 @@ __all__ = [
     "Current",
     "CurrentGrid",
     "DepartureChoice",
+    "Energy",
     "EnsembleFigures",
     "Fetched",
     "GapShares",

@@ -9,17 +9,18 @@ import math
 import pickle
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.errors import RequestError
 from pipeline.geo.coast import shore_to_shore
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
 from pipeline.model.inputs import Note, Place, Zone
-from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.catalogue import PowerSpec, VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season, interval
 from renew.errors import Length
@@ -161,6 +162,19 @@ class VoyageBefore:
 _AS_CLOSE = 0.01
 
 
+class Energy(NamedTuple):
+    """What a unit of the planner's fuel is where the vessel's power is known, and what is on board.
+
+    `unit` is "Wh", or "L" of fuel from a tank; a unit of the planner's fuel is `units` of it, and
+    `wh` Wh. `on_board`, planner's units, is what a plan may use, NaN if it is not known.
+    """
+
+    unit: str
+    units: float
+    wh: float
+    on_board: float
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """One voyage to plan. Its plan depends only on what the case holds.
@@ -181,6 +195,7 @@ class Case:
     lanes : traffic lanes that no route may sail against.
     before : the plan that the vessel sails, if it is planned again under way, from `start` on.
     follows : name of the case that ends at the anchorage where this one begins; or "".
+    power : the vessel's power and what is on board, of which `spent_j` (joules) is used up before.
     """
 
     name: str
@@ -200,6 +215,8 @@ class Case:
     lanes: tuple[Zone, ...] = ()
     before: VoyageBefore | None = None
     follows: str = ""
+    power: PowerSpec | None = None
+    spent_j: float = 0.0
 
     @property
     def chart(self) -> renew.Chart:
@@ -210,6 +227,18 @@ class Case:
     def projection(self) -> Projection:
         """The plane."""
         return self.water.projection
+
+    @property
+    def energy(self) -> Energy | None:
+        """What a unit of the planner's fuel is; None where the vessel has no power."""
+        power, scale = self.power, self.projection.scale
+        if power is None:
+            return None
+        usable = math.nan if power.usable_j is None else power.usable_j - self.spent_j
+        if self.before is not None:
+            usable += scale * self.vessel.fuel_rate * float(self.before.plan.best.times[0])
+        unit = "Wh" if power.tank_l is None else "L"
+        return Energy(unit, scale / power.unit_j, scale / 3600, usable / scale)
 
     @property
     def stops(self) -> FloatArray:
@@ -316,14 +345,20 @@ def _later_tides(depth: renew.TidalDepth, shift_s: float) -> renew.TidalDepth:
 
 
 def planner_vessel(spec: VesselSpec) -> renew.Vessel:
-    """Return the planner's vessel, in m, m/s and radians/s."""
-    return renew.Vessel(
-        speed=spec.speed_m_s,
-        turn_rate=math.radians(spec.turn_rate_deg_s),
-        length=spec.length_m,
-        fuel_coefficient=spec.fuel_coefficient,
-        fuel_exponent=spec.fuel_exponent,
-    )
+    """Return the planner's vessel, in m, m/s and radians/s; RequestError for a power unlike one."""
+    power = spec.power
+    try:
+        return renew.Vessel(
+            speed=spec.speed_m_s,
+            turn_rate=math.radians(spec.turn_rate_deg_s),
+            length=spec.length_m,
+            fuel_coefficient=(power and power.coefficient) or spec.fuel_coefficient,
+            fuel_exponent=(power and power.exponent) or spec.fuel_exponent,
+            hotel=power.hotel_w if power else 0.0,
+            power=(power and power.w_at_m_s) or None,
+        )
+    except renew.ParameterError as error:
+        raise RequestError(str(error)) from None
 
 
 MIN_LATENESS_S = 3600.0

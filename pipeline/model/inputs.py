@@ -167,7 +167,10 @@ They stand directly below the answer, and in every output that has a place for t
 """
 
 NOT_KNOWN = frozenset(
-    {"against-lane", "canal-left-out", "narrow-stretch", "strait-unresolved", "streams-weak"}
+    {
+        *("against-lane", "canal-left-out", "energy-short"),
+        *("narrow-stretch", "strait-unresolved", "streams-weak"),
+    }
 )
 """Kinds of notes with which stages report what is not known."""
 

@@ -12,6 +12,7 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.model.case import Energy
 from pipeline.model.inputs import no_go_name
 from pipeline.scenario.season import Season
 from renew.errors import Text
@@ -57,6 +58,8 @@ class RouteMetrics:
     Attributes
     ----------
     fuel, fuel_per_distance, length : in the planner's units, at the scenario's scale.
+    still_fuel : fuel of the same way in still water; where speeds are chosen, at its mean speed.
+    energy : what a unit of fuel is; None where the vessel's power is not known.
     length_m : geodesic length, true metres.
     clearance_m : least distance to the original land, true metres; inf where there is none.
     duration_s : seconds at true scale.
@@ -115,6 +118,30 @@ class RouteMetrics:
     members_cvar90_fuel: float = math.nan
     members_regret: float = math.nan
     members_adrift_share: float = math.nan
+    still_fuel: float = math.nan
+    energy: Energy | None = None
+
+    @property
+    def fuel_unit(self) -> tuple[float, str]:
+        """A unit of fuel in the unit for readers, and that unit's name."""
+        if self.energy is not None:
+            return self.energy.units, self.energy.unit
+        return 100 / self.still_fuel, "% of still water"
+
+    @property
+    def energy_wh(self) -> float:
+        """Energy of its fuel, Wh; NaN where the vessel's power is not known."""
+        return math.nan if self.energy is None else self.fuel * self.energy.wh
+
+    @property
+    def left(self) -> float:
+        """Fuel left at the goal, over the reserve, planner's units; NaN where it is not known."""
+        return math.nan if self.energy is None else self.energy.on_board - self.fuel
+
+    @property
+    def left_wh(self) -> float:
+        """The same as energy, Wh."""
+        return math.nan if self.energy is None else self.left * self.energy.wh
 
     @property
     def way(self) -> str:
@@ -374,6 +401,14 @@ class ReplanFigures:
     by_forecast: float
     saved: float
     has_new_current: bool
+    energy: Energy | None = None
+
+    @property
+    def fuel_unit(self) -> tuple[float, str]:
+        """A unit of fuel in the unit for readers, and that unit's name."""
+        if self.energy is not None:
+            return self.energy.units, self.energy.unit
+        return 100 / self.planned_fuel, "% of the plan's fuel"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -313,6 +313,7 @@ def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> C
         current.current,
         under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
         members=current.members,
+        power=scenario.vessel.power,
     )
     return voyage if current.current.is_steady else replace(voyage, departure=case.leaves)
 

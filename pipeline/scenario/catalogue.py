@@ -6,9 +6,9 @@ import tomllib
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, model_validator
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
@@ -24,6 +24,56 @@ _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 
 # The name of a vessel that was given none.
 _UNNAMED = "vessel"
+
+
+# A watt-hour, joules.
+_WH_J = 3600.0
+
+
+class PowerSpec(StrictModel):
+    """What the vessel burns, in watts, and what it has on board."""
+
+    w_at_m_s: tuple[tuple[strict.Positive, strict.Positive], ...] = Field(
+        default=(), examples=[[[0.5, 2.0], [1.0, 19.0], [2.0, 190.0]]]
+    )
+    """Power at some speeds through water, [m/s, W] each; between them it is interpolated. Give two
+    or more that rise, the steeper the faster, or a coefficient and an exponent."""
+    coefficient: strict.Positive | None = Field(default=None, le=1e12, examples=[19.13])
+    """K of the power K vⁿ, watts at 1 m/s. Give a number above 0, and the exponent."""
+    exponent: strict.Number | None = Field(default=None, ge=1, le=20, examples=[3.33])
+    """n of the power K vⁿ. Give a number from 1 to 20, and the coefficient."""
+    hotel_w: strict.NonNegative = Field(default=0.0, le=1e12, examples=[30.0])
+    """Power of all else on board, whatever the speed, W. Give watts, 0 or more."""
+    battery_wh: strict.Positive | None = Field(default=None, examples=[1064.0])
+    """Energy of the batteries at departure, Wh. Give watt-hours, or leave it out."""
+    tank_l: strict.Positive | None = Field(default=None, examples=[120.0])
+    """Fuel in the tank at departure, litres, in place of batteries. Give litres, and wh_per_l."""
+    wh_per_l: strict.Positive | None = Field(default=None, examples=[3300.0])
+    """Energy that a litre of fuel gives, after the losses of the engine, Wh. Give it with tank_l.
+    """
+    reserve: strict.NonNegative = Field(default=0.0, lt=1, examples=[0.2])
+    """Share of the battery or tank that no plan may use. Give a share from 0 to below 1."""
+
+    @model_validator(mode="after")
+    def _is_one_law(self) -> Self:
+        if bool(self.w_at_m_s) == (self.coefficient is not None) or (
+            (self.coefficient is None) != (self.exponent is None)
+        ):
+            raise ValueError("needs either w_at_m_s, or coefficient and exponent; give one of them")
+        if (self.tank_l is None) != (self.wh_per_l is None) or (self.tank_l and self.battery_wh):
+            raise ValueError("needs either battery_wh, or tank_l and wh_per_l; leave the other out")
+        return self
+
+    @property
+    def unit_j(self) -> float:
+        """Joules of the unit of energy for readers: a watt-hour, or a litre of fuel."""
+        return _WH_J * (self.wh_per_l or 1.0)
+
+    @property
+    def usable_j(self) -> float | None:
+        """Energy on board that a plan may use, joules; None if it is not known."""
+        stored = self.battery_wh if self.tank_l is None else self.tank_l
+        return None if stored is None else stored * (1 - self.reserve) * self.unit_j
 
 
 class VesselSpec(StrictModel):
@@ -53,6 +103,16 @@ class VesselSpec(StrictModel):
     fuel_exponent: strict.Positive = Field(default=2.0, le=20)
     """Exponent of the fuel law: fuel per second = coefficient × speed^exponent. Give a number above
     0, at most 20: 2 is the paper's, 3 the propeller law of displacement hulls."""
+    power: PowerSpec | None = None
+    """The fuel law in watts, in place of fuel_coefficient and fuel_exponent: fuel is energy then.
+    Add a [vessel.power] table ([power] in a vessel's own file), or leave it out."""
+
+    @model_validator(mode="after")
+    def _has_one_law(self) -> Self:
+        given = {"fuel_coefficient", "fuel_exponent"} & self.model_fields_set
+        if self.power is not None and given:
+            raise ValueError(f"has a power table and {' and '.join(sorted(given))}; leave one out")
+        return self
 
     @property
     def label(self) -> str:

@@ -153,6 +153,12 @@ def _time_faults(scenario: Scenario) -> Iterator[str]:
                     f"count; add it, or leave {remedy} out"
                 )
     havens, turn_s = scenario.havens, 360 / scenario.vessel.turn_rate_deg_s
+    power = scenario.vessel.power
+    if havens and not (havens.within or havens.endurance or (power and power.usable_j)):
+        yield (
+            "has havens with neither 'within' nor 'endurance'; give one of the two, as within = "
+            "'6h', or the vessel's battery or tank"
+        )
     if havens is not None and havens.within_s is not None and havens.within_s < turn_s:
         yield (
             f"has havens.within = {havens.within!r}, and one full turn takes the vessel "

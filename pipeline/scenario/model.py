@@ -17,7 +17,6 @@ from pydantic import (
     Field,
     Tag,
     ValidationInfo,
-    model_validator,
 )
 
 from pipeline.scenario import catalogue, strict
@@ -115,21 +114,15 @@ class HavensSpec(StrictModel):
     out where there is an endurance."""
     endurance: Interval | None = Field(default=None, examples=["2d"])
     """Time under way for which there is fuel at departure: what is left where the vessel turns off
-    must do. Give '30min', '6h' or '2d', or leave it out where there is 'within'."""
-
-    @model_validator(mode="after")
-    def _is_limited(self) -> Self:
-        if self.within is None and self.endurance is None:
-            raise ValueError(
-                "has neither 'within' nor 'endurance'; give one of the two, as within = '6h', or "
-                "both"
-            )
-        return self
+    must do; by default what the battery or tank gives. Give '30min', '6h' or '2d', or leave it
+    out."""
 
     @property
     def text(self) -> str:
         """The limits for readers: "within 6h and with fuel for 2d at departure"."""
         fuel = self.endurance and f"with fuel for {self.endurance} at departure"
+        if not self.within and not self.endurance:
+            return "with what is on board"
         return " and ".join(filter(None, (self.within and f"within {self.within}", fuel)))
 
     @property

@@ -23,7 +23,7 @@ from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts
 from pipeline.findings.result import RunCase, RunResult, addressed
 from pipeline.findings.sentences import case_facts
-from pipeline.findings.text import capitalised, json_value
+from pipeline.findings.text import capitalised, fuel, json_value
 from pipeline.formats.figures.map_marks import speed_limits
 from pipeline.formats.report.map_data import map_data
 from pipeline.formats.report.page import shown_choices
@@ -307,6 +307,7 @@ def _routes(case: RunCase) -> Iterator[dict[str, Any]]:
         passage = case.scenario.passage(case.name, round(row.duration_s))
         yield {
             **figures(row, "json"),
+            "fuel_text": fuel(row.fuel, row),
             "excess": row.fuel / case.routes[0].metrics.fuel - 1,
             "because": facts.because() if is_best else facts.why_dearer(row),
             "certainty": facts.certainty() if is_best else "",

@@ -154,6 +154,7 @@ def _split(given: Chosen, first: Case, onward: Case, wait: timedelta) -> Chosen:
     if plan is None or first.departure is None:
         return given  # it is planned again, and says why
     arrival = plan.best.duration * first.projection.scale
+    onward = replace(onward, spent_j=plan.best.fuel * first.projection.scale)
     shift = _MINUTE_S * math.ceil(arrival / _MINUTE_S)
     wait_s = max(0.0, wait.total_seconds() + arrival - shift)
     step_min = max(_STEP_MIN, math.ceil(wait_s / _MINUTE_S / _MOST))
@@ -401,6 +402,10 @@ def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> De
         with_classes=False,
     )
     fuels = np.where(found.arrivals <= by, found.fuels, np.inf)
+    if case.follows:
+        # At anchor the hotel load is burnt, which may be worth an earlier departure.
+        waited = found.departures - found.departures[0]
+        fuels = fuels + case.vessel.hotel * waited / case.projection.scale
     causes = [
         _too_late(arrival, by) if cause is None and arrival > by else cause
         for cause, arrival in zip(found.causes, found.arrivals, strict=True)
@@ -521,7 +526,10 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     scenario = departed.scenario.departing(name, chosen, label)
     case = departed.case(name)
     season = next(one for one in scenario.seasons if one.name == label)
-    begun = replace(case.later(shift, label), speeds=SpeedChoice.of(season))
+    waited_j = case.vessel.hotel * shift * bool(case.follows)
+    begun = replace(
+        case.later(shift, label), speeds=SpeedChoice.of(season), spent_j=case.spent_j + waited_j
+    )
     notes = [Note.of("departure-chosen", choice=choice)]
     if case.members is not None:
         notes.append(Note.of("departure-in-mean"))

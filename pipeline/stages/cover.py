@@ -4,6 +4,7 @@ A plane's times differ a little from true ones, as its point scale does along a 
 therefore lowered so far that all ways keep them in true time.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -19,7 +20,7 @@ from pipeline.findings.result import RunCase, RunResult, addressed
 from pipeline.findings.text import hours, planner_text, season_text
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import Note, Place, Say, Water, plan_options
+from pipeline.model import Case, Note, Place, Say, Water, plan_options
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import HavensSpec, Scenario
 from pipeline.sources.land.vector import read_havens
@@ -89,13 +90,13 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
         name: best[first].metrics.duration_s if first in best else 0.0
         for name, first in before.items()
     }
+    lasts_s = {name: _endurance_s(run.case(name).case, spec, spent_s[name]) for name in best}
     faults = [
-        f"havens.endurance = {spec.endurance!r} is below the "
+        f"havens.endurance = {spec.endurance or hours(lasts_s[name])!r} is below the "
         f"{hours(spent_s[name] + one.metrics.duration_s)} that the best route of "
-        f"{season_text(name)} takes; give more"
+        f"{season_text(name)} takes; give more{'' if spec.endurance else ' battery or tank'}"
         for name, one in best.items()
-        if spec.endurance_s is not None
-        and spec.endurance_s < spent_s[name] + one.metrics.duration_s
+        if lasts_s[name] < spent_s[name] + one.metrics.duration_s
     ]
     if faults:
         raise RequestError(faults)
@@ -104,7 +105,8 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
 
     def covered(name: str) -> renew.Coverage:
         key = artefact_key("cover", result.key, name, places, limits)
-        make = partial(_covered, run.case(name), spec, havens, spent_s[name])
+        left_s = lasts_s[name] - spent_s[name]
+        make = partial(_covered, run.case(name), spec, havens, left_s)
         return store.load_or_make("cover", key, renew.Coverage, make)
 
     with ThreadPoolExecutor(min(len(best), cores())) as pool:
@@ -118,15 +120,26 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     return Artefact(key, replace(found, fetched=fetched))
 
 
+def _endurance_s(case: Case, spec: HavensSpec, spent_s: float) -> float:
+    """Return how long fuel lasts from the departure on, s, of which `spent_s` are over before.
+
+    As given, or by battery or tank; infinite where nothing is known of them.
+    """
+    if spec.endurance_s is not None:
+        return spec.endurance_s
+    if case.energy is None or not math.isfinite(case.energy.on_board):
+        return math.inf
+    return spent_s + case.projection.scale * case.energy.on_board / case.vessel.fuel_rate
+
+
 def _covered(
-    case: RunCase, spec: HavensSpec, havens: Sequence[renew.Haven], spent_s: float
+    case: RunCase, spec: HavensSpec, havens: Sequence[renew.Haven], left_s: float
 ) -> renew.Coverage:
     """Return the coverage of a case's best route, with the ways that it needs.
 
-    Of the endurance, `spent_s` seconds are used up before the case begins.
+    Fuel lasts for `left_s` seconds from the beginning of the case on.
     """
     planned, scale = case.case, case.case.projection.scale
-    endurance_s = None if spec.endurance_s is None else spec.endurance_s - spent_s
     within_s = spec.within_s
     best, *others = case.routes
     sides = {one.metrics.main_passage: one for one in reversed(others)}
@@ -139,7 +152,7 @@ def _covered(
         planned.vessel,
         havens,
         within=None if within_s is None else within_s / scale,
-        endurance=(None if endurance_s is None else planned.vessel.fuel_rate * endurance_s / scale),
+        endurance=planned.vessel.fuel_rate * left_s / scale if math.isfinite(left_s) else None,
         others=tuple(ranks),
         options=plan_options(case.scenario.planner, min_lateness=MIN_LATENESS_S),
     )

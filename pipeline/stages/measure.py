@@ -161,6 +161,9 @@ class _RouteEvaluator:
         """Return all measurements of one route."""
         line = shapely.LineString(route.path)
         land_m, land_lon, land_lat = self._over_land(line)
+        choice, still = self._case.speeds, self._case.vessel.speed
+        if choice is not None:
+            still = float(np.clip(route.length / route.duration, choice.least, choice.most))
         measured = RouteMetrics(
             rank=rank,
             homotopy=route.homotopy,
@@ -171,6 +174,8 @@ class _RouteEvaluator:
             clearance_m=self._clearance_m(line),
             duration_s=route.duration * self._projection.scale,
             speed_m_s=float(np.average(route.speeds, weights=np.diff(route.times))),
+            still_fuel=float(self._case.vessel.rates(still)) * route.length / still,
+            energy=self._case.energy,
             optimality_gap=route.optimality_gap,
             trials=turns.trials,
             collisions=turns.collisions,

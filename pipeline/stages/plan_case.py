@@ -11,6 +11,7 @@ from pipeline.findings.text import number, planner_text
 from pipeline.model import (
     Case,
     CaseResult,
+    Energy,
     EnsembleFigures,
     ReplanFigures,
     VoyageBefore,
@@ -215,7 +216,7 @@ def _replanned(
     )
     if found.plan is None or found.turn_offs:
         cause = found.cause or renew.UnreachableError("no way leads on from {0}", case.start)
-        raise cause if not found.turn_offs else _turns_off(found.turn_offs, cause)
+        raise cause if not found.turn_offs else _turns_off(found.turn_offs, cause, case.energy)
     kept, scale = found.kept, case.projection.scale
     reason = found.rejected[0] if kept is None and found.rejected else None
     return found.plan, ReplanFigures(
@@ -232,17 +233,21 @@ def _replanned(
         by_forecast=found.by_forecast,
         saved=found.saved,
         has_new_current=before.current is not None,
+        energy=case.energy,
     )
 
 
-def _turns_off(ways: Sequence[renew.TurnOff], cause: renew.PlanningError) -> renew.PlanningError:
+def _turns_off(
+    ways: Sequence[renew.TurnOff], cause: renew.PlanningError, energy: Energy | None
+) -> renew.PlanningError:
     """Return the error that names the havens that are in reach, and why no way leads on."""
+    needs = [f"{number(way.fuel * energy.units)} {energy.unit}, " if energy else "" for way in ways]
     named = [
         Text(
-            f"{{0}} ({number(way.fuel)} of fuel, in {{1}})",
+            f"{{0}} ({need}in {{1}})",
             (Text(way.haven.name), Duration(way.arrival)),
         )
-        for way in ways
+        for way, need in zip(ways, needs, strict=True)
     ]
     error = renew.UnreachableError(
         "turn off to {0}; no way leads on: {1}", Text.joined(", or ", named), cause.text

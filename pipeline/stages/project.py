@@ -151,6 +151,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                 speeds=SpeedChoice.of(season),
                 lanes=kept_lanes(fetched.land.zones, scenario.planner, vessel.length),
                 members=members_of(water, season.members, scenario.planner.seed, current, grid),
+                power=scenario.vessel.power,
             )
         )
     return tuple(cases)

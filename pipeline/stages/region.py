@@ -16,7 +16,7 @@ from pipeline.findings.note_words import MORE_CURRENTS
 from pipeline.findings.result import RunResult
 from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, Projection, bounds_of, common_bounds
 from pipeline.machine.store import DOWNLOADS, Store, artefact_key
-from pipeline.model import Note, Water
+from pipeline.model import Note, Water, planner_vessel
 from pipeline.model.inputs import LandSource
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
@@ -86,7 +86,8 @@ def require_covered(scenario: Scenario) -> None:
 
 
 def require_sailable(scenario: Scenario) -> None:
-    """Raise RequestError if no source covers a case or a stop lies on land."""
+    """Raise RequestError if no source covers a case, a stop lies on land, or a power is none."""
+    planner_vessel(scenario.fastest_vessel)
     dry = endpoints_on_land(scenario, scenario.planner.snap)
     if faults := [*uncovered_seasons(scenario), *dry]:
         raise RequestError(faults)

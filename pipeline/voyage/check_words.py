@@ -20,7 +20,7 @@ def checked_lines(one: CheckedRoute, route: GivenRoute) -> Iterator[str]:
     named = f" {route.name!r}" * bool(route.name)
     yield (
         f"{text.season_name(one.given.season)}: {route.form}{named}, "
-        f"{text.distance(row.length_m)}, {text.duration(took_s)}, fuel {text.fuel(row.fuel)}"
+        f"{text.distance(row.length_m)}, {text.duration(took_s)}, fuel {text.fuel(row.fuel, row)}"
     )
     no_go = row.no_go_name
     for land in one.crossed[:_FEW]:
@@ -69,6 +69,6 @@ def _compared(one: CheckedRoute) -> Iterator[str]:
             way = f", {other.metrics.way}" * bool(other.metrics.way)
             yield (
                 f"{size if abs(more) > _SAME else 'As much fuel as'} the least-fuel route "
-                f"{which} that keeps room to turn: {text.fuel(other.metrics.fuel)}, "
+                f"{which} that keeps room to turn: {text.fuel(other.metrics.fuel, other.metrics)}, "
                 f"{text.distance(other.metrics.length_m)}{way}"
             )

@@ -417,7 +417,7 @@ def faults_of_pairs(
     yield from _faults_of_vessel(asked, at, is_range=is_range)
     yield from _faults_of_times(values, asked, at, is_range=is_range)
     yield from _faults_of_months(asked, at, is_range=is_range)
-    yield from _faults_of_files(asked, at)
+    yield from _faults_of_files(asked, at, values.vessel)
     if values.tide:
         yield from _faults_of_stations(values.tide)
 
@@ -502,13 +502,16 @@ def _faults_of_months(
         )
 
 
-def _faults_of_files(asked: SimpleNamespace, at: SimpleNamespace) -> Iterator[str]:
+def _faults_of_files(
+    asked: SimpleNamespace, at: SimpleNamespace, vessel: "VesselSpec | None"
+) -> Iterator[str]:
     """Yield what is wrong between havens and their limits, and between files and their options."""
     limits = [getattr(at, name) for name in ("within", "endurance") if getattr(asked, name)]
     if limits and not asked.havens:
         verb = "limit" if len(limits) > 1 else "limits"
         yield f"{', '.join(limits)} {verb} the way to a haven; add {at.havens} FILE"
-    if asked.havens and not limits:
+    power = vessel and vessel.power
+    if asked.havens and not limits and not (power and power.usable_j):
         yield f"{at.havens} needs a limit; add {at.within} 6h or {at.endurance} 2d, or both"
     if asked.current_variables and not asked.currents:
         yield f"{at.current_variables} are those of files; add {at.currents} FILE"

@@ -2,7 +2,7 @@
 
 Let p = ∇u be the gradient of the function u, T the unit tangent of the way, and c the current. With
 g the speed over ground, u grows by (p·T) g a second. Where the vessel chooses its speed v, a second
-costs (vᵏ + μ) over the polar's scale (:mod:`renew.kernels.ground_speed`), and λ is the largest
+costs (R(v) + μ) over the polar's scale (:mod:`renew.kernels.ground_speed`), and λ is the largest
 growth divided by this cost:
 
 - crab: in any direction T the growth is at most v |p| + p·c. Growth divided by cost is largest at
@@ -22,6 +22,7 @@ from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.travel_time import TOLERANCE, TravelGrid
 from renew.kernels.current_table import next_slice, node_velocity
+from renew.kernels.fuel_law import effort
 from renew.kernels.ground_speed import Polar, ground_speed
 
 # Share by which a rate is raised for rounding.
@@ -62,7 +63,7 @@ def growth_rate(
     excess *= 2 / 3
     if polar.least < polar.speed:
         # A second costs no less than this.
-        excess *= polar.scale / (polar.least**polar.exponent + polar.price)
+        excess *= polar.scale / (effort(polar.least, polar.law) + polar.price)
         return float(largest + excess)
     return float(largest + excess + deviation * math.sqrt(steepest))
 
@@ -144,7 +145,7 @@ def _rate_at_choice(
         if slope > 0.0:
             rate = slope * _most_made(at_low / slope - low, low, high, polar)
         else:
-            rate = polar.scale * at_low / (low**polar.exponent + polar.price)
+            rate = polar.scale * at_low / (effort(low, polar.law) + polar.price)
         largest = max(largest, rate)
         low, at_low = high, at_high
     return largest
@@ -152,9 +153,9 @@ def _rate_at_choice(
 
 @kernel
 def _most_made(along: float, low: float, high: float, polar: Polar) -> float:
-    """Largest value of scale * (v + along) / (vᵏ + μ), with v from `low` to `high` (m/s)."""
+    """Largest value of scale * (v + along) / (R(v) + μ), with v from `low` to `high` (m/s)."""
     no_crab = False
-    piece = Polar(high, no_crab, low, polar.price, polar.exponent, polar.scale, polar.still, 0.0)
+    piece = Polar(high, no_crab, low, polar.price, polar.law, polar.scale, polar.still, 0.0)
     return ground_speed(along, 0.0, 1.0, 0.0, piece) * (1 + _ROUNDING)
 
 

@@ -14,6 +14,7 @@ from renew._compiled import for_kernels
 from renew._types import FloatArray
 from renew.errors import GeometryError, ParameterError, as_floats, is_number, shown
 from renew.kernels.current_table import TRUE_METRES, metres_at
+from renew.kernels.fuel_law import FuelLaw, efforts, spline_nodes
 
 # Coordinates closer than this share of the extent's diagonal are one point. Snapping to this grid
 # avoids slivers between an island and an extent that it touches. It is far below anything that a
@@ -256,12 +257,15 @@ def _check(extent: Polygon, kinds: Mapping[str, list[Polygon]]) -> None:
 MAX_SPEED = 1e6
 """Highest speed through water (m/s); a higher one is taken for a typing error."""
 
+# Bend of a curve of power below which it counts as a line, as a share of its end.
+_ROUNDING = 1e-9
 # Largest figures (m/s, rad/s, m, ...); larger ones are typing errors, and their powers overflow.
+_MOST_FUEL = 1e12
 _LIMITS = {
     "speed": MAX_SPEED,
     "turn_rate": 1e6,
     "length": 1e6,
-    "fuel_coefficient": 1e12,
+    "fuel_coefficient": _MOST_FUEL,
     "fuel_exponent": 20.0,
 }
 
@@ -279,12 +283,18 @@ class Vessel:
     length : float
         Length overall (m).
     fuel_coefficient, fuel_exponent : float
-        Fuel law: fuel a second is α vᵏ (paper, Eq. 4; α = 1 and k = 2 there).
+        Fuel law: fuel a second is α vᵏ (paper, Eq. 4; α = 1 and k = 2 there). With α in W/(m/s)ᵏ
+        fuel is in joules.
+    hotel : float
+        Fuel a second in addition, whatever the speed (W): instruments and computers on board.
+    power : sequence of (float, float), optional
+        Power P (W) at some speeds v (m/s), in place of α vᵏ; convex, and rising. Between them it is
+        interpolated (:mod:`renew.kernels.fuel_law`); beyond them no speed is allowed.
 
     Raises
     ------
     ParameterError
-        A figure that is not positive, or larger than any vessel's.
+        A figure that is not positive, or larger than any vessel's; a power that isn't convex.
     """
 
     speed: float
@@ -292,6 +302,8 @@ class Vessel:
     length: float = 2.0
     fuel_coefficient: float = 1.0
     fuel_exponent: float = 2.0
+    hotel: float = 0.0
+    power: tuple[tuple[float, float], ...] | None = None
 
     def __post_init__(self) -> None:
         """Refuse figures that no vessel has; the error names all faults."""
@@ -300,11 +312,57 @@ class Vessel:
             for name, most in _LIMITS.items()
             if not (is_number(value := getattr(self, name)) and 0 < value <= most)
         ]
+        if not (is_number(self.hotel) and 0 <= self.hotel <= _MOST_FUEL):
+            faults.append(
+                f"hotel = {shown(self.hotel)} W must be a number from 0 to {_MOST_FUEL:g}"
+            )
+        if self.power is not None:
+            faults += self._power_faults()
         if faults:
             raise ParameterError("vessel: " + "; ".join(faults))
         # As floats, because every kernel would be compiled again for ints.
         for name in _LIMITS:
             object.__setattr__(self, name, float(getattr(self, name)))
+        object.__setattr__(self, "hotel", float(self.hotel))
+        if self.power is not None:
+            points = tuple((float(v), float(watts)) for v, watts in self.power)
+            object.__setattr__(self, "power", points)
+
+    def _power_faults(self) -> list[str]:
+        """Return the faults of the power at given speeds, and of the speed that it has to hold."""
+        try:
+            points = as_floats("power", self.power)
+        except ParameterError as error:
+            return [str(error)]
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+            return [f"power has shape {points.shape}; it must be (n, 2), (m/s, W), with n >= 2"]
+        speeds, watts = points.T
+        if (
+            not ((points > 0) & np.isfinite(points)).all()
+            or not (np.diff(points, axis=0) > 0).all()
+        ):
+            return ["power must rise with speed, from above 0 m/s and 0 W; hotel is the power at 0"]
+        bends = np.diff(np.diff(watts) / np.diff(speeds))
+        # Points on a line may be off it by rounding.
+        faults = [
+            f"power isn't convex: {watts[k + 1]:g} W at {speeds[k + 1]:g} m/s lie above the line "
+            "between the points beside it; leave that point out, or fit K v^n to all"
+            for k in np.flatnonzero(bends < -_ROUNDING * watts[-1] / speeds[-1])
+        ]
+        if (self.fuel_coefficient, self.fuel_exponent) != (1.0, 2.0):
+            faults.append("power stands in place of fuel_coefficient and fuel_exponent: leave out")
+        return faults + self.speed_faults("speed", self.speed)
+
+    def speed_faults(self, name: str, speed: float) -> list[str]:
+        """Return the fault of a speed (m/s) with a `name` for which no power is known."""
+        if self.power is None or not is_number(speed):
+            return []
+        least, most = self.power[0][0], self.power[-1][0]
+        if least <= speed <= most:
+            return []
+        side = "above" if speed > most else "below"
+        given = f"the speeds at which power is given, {least:g} to {most:g} m/s"
+        return [f"{name} = {speed:g} m/s is {side} {given}: give the power there, or another speed"]
 
     @property
     def turning_radius(self) -> float:
@@ -318,5 +376,17 @@ class Vessel:
 
     @property
     def fuel_rate(self) -> float:
-        """Fuel a second at constant thrust, α vᵏ (fuel units per second)."""
-        return float(self.fuel_coefficient * self.speed**self.fuel_exponent)
+        """Fuel a second at the vessel's speed, α vᵏ as a rule (fuel units per second)."""
+        return float(self.rates(self.speed))
+
+    def rates(self, speeds: float | FloatArray) -> FloatArray:
+        """Return fuel a second (...) at speeds through water (...), m/s (fuel units per second)."""
+        return np.asarray(self.fuel_coefficient * efforts(speeds, self.law))
+
+    @property
+    def law(self) -> FuelLaw:
+        """Fuel a second over α, for kernels."""
+        hotel = self.hotel / self.fuel_coefficient
+        if self.power is None:
+            return FuelLaw(self.fuel_exponent, hotel)
+        return FuelLaw(math.nan, hotel, spline_nodes(self.power))

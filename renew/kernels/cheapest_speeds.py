@@ -3,10 +3,10 @@
 The chain leads through rows of points.
 
 A vessel that chooses its speeds may have burnt more or less fuel when it reaches a point, and the
-best continuation depends on the time. So a state is a point and a time. With a rate vᵏ, the least
-remaining cost obeys
+best continuation depends on the time. So a state is a point and a time. With a rate R(v), vᵏ as a
+rule, the least remaining cost obeys
 
-    V(x, t) = min over the points y of the next row, and speeds v, of  vᵏ τ + V(y, t + τ),
+    V(x, t) = min over the points y of the next row, and speeds v, of  R(v) τ + V(y, t + τ),
 
 where τ is the time over the leg x -> y, begun at t and sailed at v. At the goal V is 0 until the
 deadline; each later second has a price so high that no speed is worth it. V is computed at some
@@ -15,8 +15,8 @@ times in each row, and linear between them (a semi-Lagrangian scheme: Falcone & 
 Then the speeds of a path's legs are improved, for least cost of fuel and lateness. A leg's speed
 changes the fuel of all later legs, because these begin at other times. One pass from the last leg
 to the first gives all slopes (adjoint method; Bryson & Ho, 1975). Let d be the time over a leg that
-begins at t and is sailed at v, and μ the cost of a later arrival at its end. Then the slope is k
-v^(k-1) d + (vᵏ + μ) ∂d/∂v, and a later arrival at the leg's beginning costs μ + (vᵏ + μ) ∂d/∂t.
+begins at t and is sailed at v, and μ the cost of a later arrival at its end. Then the slope is
+R'(v) d + (R + μ) ∂d/∂v, and a later arrival at the leg's beginning costs μ + (R + μ) ∂d/∂t.
 
 The method is a projected quasi-Newton descent with limited memory. The last changes of the slopes
 give an estimate of the inverse Hessian, and so the step (L-BFGS; Nocedal & Wright, Numerical
@@ -34,6 +34,7 @@ from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
 from renew.kernels.current_table import CurrentTable, site_of, velocity, velocity_there
+from renew.kernels.fuel_law import FuelLaw, effort, effort_by_speed
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import TOO_STRONG, Clock, Stream, leg_time_from
 
@@ -49,14 +50,14 @@ _FINAL_HALVINGS = 12
 class CostModel(NamedTuple):
     """What a voyage costs in a current, and the limits of its speed and time.
 
-    The highest speed is `most` (m/s). The vessel burns vᵏ a second, where k is the `exponent`, and
-    updates the time after each `step` (m). Each second after the `deadline` (s) costs `late_price`.
+    The highest speed is `most` (m/s). The vessel burns fuel by a `law`, and updates the time after
+    each `step` (m). Each second after the `deadline` (s) costs `late_price`.
     """
 
     table: CurrentTable
     most: float
     crab: bool
-    exponent: float
+    law: FuelLaw
     step: float
     deadline: float
     late_price: float
@@ -182,7 +183,7 @@ def _traced(rows: Rows, cost: FloatArray, costs: CostModel) -> Chain:
                 least, sailed[row], taken, chain[row + 1] = onwards, speed, duration, j
         if least == np.inf:
             return Chain(np.inf, chain, when, sailed)
-        total += sailed[row] ** costs.exponent * taken
+        total += effort(sailed[row], costs.law) * taken
         when[row + 1] = when[row] + taken
     total += costs.late_price * max(when[-1] - costs.deadline, 0.0)
     return Chain(total, chain, when, sailed)
@@ -223,7 +224,7 @@ def _best_speed(
         water = Stream(costs.table, polar, Clock(begin, costs.step))
         time = leg_time_from(leg, u, v, end, begin, water)
         if time < np.inf:
-            cost = speed**costs.exponent * time + _cost_from(begin + time, to_go, costs)
+            cost = effort(speed, costs.law) * time + _cost_from(begin + time, to_go, costs)
             if cost < least:
                 least, best, taken = cost, speed, time
     return least, best, taken
@@ -303,14 +304,14 @@ def _leg_time(path: FloatArray, k: int, begin: float, speed: float, costs: CostM
 
 
 @kernel
-def slopes(speeds: FloatArray, made: SailedLegs, price: float, exponent: float) -> FloatArray:
+def slopes(speeds: FloatArray, made: SailedLegs, price: float, law: FuelLaw) -> FloatArray:
     """Return the derivatives (n - 1,) of fuel / α + price × arrival by each leg's speed."""
     times, by_begin, by_speed = made
     found = np.empty(len(speeds))
     for k in range(len(speeds) - 1, -1, -1):
         speed, time = speeds[k], times[k + 1] - times[k]
-        rate = speed**exponent
-        found[k] = exponent * rate / speed * time + (rate + price) * by_speed[k]
+        rate = effort(speed, law)
+        found[k] = effort_by_speed(speed, law) * time + (rate + price) * by_speed[k]
         price += (rate + price) * by_begin[k]
     return found
 
@@ -418,7 +419,7 @@ def _direction(
 @kernel
 def _cost(problem: SpeedProblem, scaled: FloatArray, slope: FloatArray) -> float:
     """Return the cost at scaled speeds (l,), and fill in its slopes (l,)."""
-    legs, scale, exponent = problem.legs, problem.scale, problem.costs.exponent
+    legs, scale, law = problem.legs, problem.scale, problem.costs.law
     slope[:] = 0.0
     speeds = np.empty(len(legs))
     for k in range(len(legs)):
@@ -428,9 +429,9 @@ def _cost(problem: SpeedProblem, scaled: FloatArray, slope: FloatArray) -> float
         return _NO_WAY
     late = made.times[-1] - problem.deadline
     at = max(0.0, problem.price + problem.stiffness * late)
-    by_speed, fuel = slopes(speeds, made, at, exponent), 0.0
+    by_speed, fuel = slopes(speeds, made, at, law), 0.0
     for k in range(len(legs)):
-        fuel += speeds[k] ** exponent * (made.times[k + 1] - made.times[k])
+        fuel += effort(speeds[k], law) * (made.times[k + 1] - made.times[k])
         slope[legs[k]] += by_speed[k] / scale[legs[k]] / problem.unit
     whole = fuel + (at**2 - problem.price**2) / (2 * problem.stiffness)
     return float(whole / problem.unit)

@@ -1,10 +1,11 @@
 """Speed over ground along a course in a current: the denominator of Eq. 4, in both drift models.
 
 If the vessel chooses its speed through water v, and each second costs μ, a metre costs the least of
-(vᵏ + μ) / g, where g is the speed over ground. With the inverse of this cost in place of g, every
-search for the fastest path finds the cheapest one. Let a be the current along the course, x across
-it (0 in the projected model), and W = √(v² - x²). Then g is a + W, and (W² + x²)^(k/2) is convex in
-W for k >= 1. So the cost has one minimum, where k W v^(k-2) (a + W) = vᵏ + μ. For k = 2 that is
+(R(v) + μ) / g, where g is the speed over ground, and R is vᵏ or another convex law of fuel that
+rises (:mod:`renew.kernels.fuel_law`). With the inverse of this cost in place of g, every search for
+the fastest path finds the cheapest one. Let a be the current along the course, x across it (0 in
+the projected model), and W = √(v² - x²). Then g is a + W, and R is convex in W, too. So the cost
+has one minimum, where dR/dW (a + W) = R + μ. For v², without a hotel load, that is
 W = -a + √(a² + x² + μ).
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
+from renew.kernels.fuel_law import FuelLaw, effort, in_way
 
 # Largest number of Newton's iterations.
 _MAX_STEPS = 40
@@ -27,9 +29,9 @@ class Polar(NamedTuple):
 
     `crab` is True for the exact model, in which the vessel heads into the cross-current, and False
     for the projected one, as published. If `least` is below `speed`, the vessel chooses its speed v
-    through water between the two. Then `price` is μ, `exponent` is k, and the vessel "makes"
-    `scale` divided by the least (vᵏ + μ) / g. `still` is the v that would be best in still water if
-    there were no `least`. If `speed` is below the vessel's highest speed, `no_go` is the highest
+    through water between the two. Then `price` is μ, R is the fuel `law`, and the vessel "makes"
+    `scale` divided by the least (R(v) + μ) / g. `still` is the v that would be best in still water
+    if there were no `least`. If `speed` is below the vessel's highest speed, `no_go` is the highest
     speed (m/s): the vessel may cross currents weaker than `no_go`.
     """
 
@@ -37,7 +39,7 @@ class Polar(NamedTuple):
     crab: bool
     least: float = math.inf
     price: float = 0.0
-    exponent: float = 2.0
+    law: FuelLaw = FuelLaw()
     scale: float = 1.0
     still: float = 0.0
     no_go: float = 0.0
@@ -46,16 +48,18 @@ class Polar(NamedTuple):
 @small_kernel
 def sailing_at(speed: float, crab: bool, most: float) -> Polar:
     """Return the polar at a speed through water (m/s) below the vessel's highest one."""
-    return Polar(speed, crab, math.inf, 0.0, 2.0, 1.0, 0.0, most)
+    return Polar(speed, crab, math.inf, 0.0, FuelLaw(2.0, 0.0, None), 1.0, 0.0, most)
 
 
-def choosing(speed: float, *, crab: bool, least: float, price: float, exponent: float) -> Polar:
+def choosing(speed: float, *, crab: bool, least: float, price: float, law: FuelLaw) -> Polar:
     """Return the polar of a vessel with speeds from `least` to `speed`, if a second costs μ.
 
     It is scaled to "make" `speed` in still water, as a vessel without a choice does.
     """
-    best = (price / (exponent - 1)) ** (1 / exponent) if exponent > 1 else speed
-    polar = Polar(speed, crab, least, price, exponent, 1.0, min(best, speed))
+    best, exponent = speed, law.exponent
+    if exponent > 1:
+        best = ((price + law.hotel) / (exponent - 1)) ** (1 / exponent)
+    polar = Polar(speed, crab, least, price, law, 1.0, min(best, speed))
     return polar._replace(scale=speed / ground_speed(0.0, 0.0, 1.0, 0.0, polar))
 
 
@@ -82,7 +86,7 @@ def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, flo
 
     `along`, `across`: parts of the current, m/s. If no speed makes way, the highest is given.
     """
-    k, price = polar.exponent, polar.price
+    k, price = polar.law.exponent, polar.price
     square = across * across
     most = polar.speed * polar.speed - square
     if most < 0.0:
@@ -94,12 +98,12 @@ def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, flo
     # Below `low` the cost is infinite, or the speed too low. As the cost has one minimum, a best W
     # outside the limits is replaced by the nearer limit.
     low = max(low, -along)
-    worth = price if k == 2.0 else polar.still * polar.still
+    worth = price + polar.law.hotel if k == 2.0 else polar.still * polar.still
     best = min(max(math.sqrt(along * along + square + worth) - along, low), high)
     if k != 2.0:
         best = _stationary(along, square, polar, low, high, best)
     speed = min(max(math.sqrt(best * best + square), polar.least), polar.speed)
-    return speed, polar.scale * (along + best) / (speed**k + price)
+    return speed, polar.scale * (along + best) / (effort(speed, polar.law) + price)
 
 
 @kernel
@@ -111,13 +115,12 @@ def _stationary(
     It begins at the `best` guess. The slope of the cost, times (a + W)², rises with W, so a bracket
     around the minimum can limit the steps.
     """
-    k, price = polar.exponent, polar.price
     top, bottom = high, low
+    tried_low = tried_high = False
     for _ in range(_MAX_STEPS):
-        speed = best * best + square
-        power = speed ** (k / 2 - 1) if speed > 0.0 else 0.0
-        slope = k * best * power
-        residual = slope * (along + best) - power * speed - price
+        burnt, slope, bend = in_way(best, square, polar.law)
+        residual = slope * (along + best) - burnt - polar.price
+        tried_low, tried_high = tried_low or best == low, tried_high or best == high
         if residual > 0.0:
             top = best
         else:
@@ -126,13 +129,12 @@ def _stationary(
             return high
         if best == low and residual >= 0.0:
             return low
-        bend = k * power * (1.0 + (k - 2.0) * best * best / speed) if speed > 0.0 else 0.0
         curve = bend * (along + best)
         towards = low if residual > 0.0 else high
         following = best - residual / curve if curve > 0.0 else towards
-        if following <= low and bottom == low:
+        if following <= low and bottom == low and not tried_low:
             following = low
-        elif following >= high and top == high:
+        elif following >= high and top == high and not tried_high:
             following = high
         elif not bottom < following < top:
             following = (bottom + top) / 2

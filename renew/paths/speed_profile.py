@@ -2,8 +2,8 @@
 
 In a steady current, legs depend on each other only through the remaining time. With a price λ of
 time, the Lagrange multiplier of the deadline, the best speed at each place has the least
-(α vᵏ + λ) / g. The duration falls as λ rises, so least fuel has the λ that just meets the deadline,
-or 0 if time is free.
+(R(v) + λ) / g, with the fuel rate R. The duration falls as λ rises, so least fuel has the λ that
+just meets the deadline, or 0 if time is free.
 
 The best speed changes from place to place. So the path is cut into legs in which this speed changes
 little. Each leg gets the mean of its speeds, at a price that meets the deadline with these means.
@@ -39,6 +39,7 @@ from renew.kernels.cheapest_speeds import (
     cheapest_speeds,
     sailed,
 )
+from renew.kernels.fuel_law import efforts, exponent_near, marginal
 from renew.kernels.ground_speed import chosen_speeds, sailing_at
 from renew.kernels.viterbi import Stream, arrivals
 from renew.voyage.fuel import WITHIN, Pieces, ground_speed, passage
@@ -105,10 +106,14 @@ def trade_off(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]
     if not voyage.has_choice:
         only = way.profile(np.full(len(path) - 1, voyage.vessel.speed), way.own_legs)
         return only.times[-1:], np.array([only.fuel])
-    # Prices for which the best speeds in still water are evenly spaced.
-    vessel = voyage.vessel
-    still = np.linspace(1.0, 0.0, _PRICES) ** vessel.fuel_exponent
-    points = [way.cost(way.speeds(price)) for price in way.highest_price * still]
+    # Prices for which the best speeds in still water are evenly spaced, by a power of the speed; a
+    # hotel load is a price of time, too.
+    vessel, (exponent, hotel, nodes) = voyage.vessel, voyage.vessel.law
+    power = exponent if nodes is None else vessel.fuel_exponent
+    highest = way.highest_price + hotel
+    still = np.linspace(1.0, (hotel / highest) ** (1 / power), _PRICES) ** power
+    prices = np.maximum(highest * still - hotel, 0.0)
+    points = [way.cost(way.speeds(price)) for price in prices.tolist()]
     times, fuels = np.array(points).T
     return voyage.departure + times, np.minimum.accumulate(fuels)
 
@@ -146,13 +151,14 @@ class _SteadyPath:
     @property
     def highest_price(self) -> float:
         """Price, over α, from which the highest speed is best everywhere on the path."""
-        speed, exponent = self._voyage.vessel.speed, self._voyage.vessel.fuel_exponent
+        speed, law = self._voyage.vessel.speed, self._voyage.vessel.law
         made = self._made(np.array(speed))
         along = (self._velocity * self._tangent).sum(axis=-1)
         # Derivative of speed over ground by speed through water: v / √(v² - c⊥²), or 1.
         gain = speed / (made - along) if self._voyage.drift == "crab" else np.ones(made.shape)
-        highest = exponent * speed ** (exponent - 1) * made / gain - speed**exponent
-        return float(np.nanmax(highest, initial=speed**exponent)) * (1 + 1e-6)
+        burnt = float(efforts(speed, law))
+        highest = marginal(speed, law) * made / gain - burnt
+        return float(np.nanmax(highest, initial=burnt)) * (1 + 1e-6)
 
     def speeds(self, price: float) -> FloatArray:
         """Return the cheapest speeds (p, 4), m/s, at the nodes, at a price of time over α."""
@@ -167,7 +173,7 @@ class _SteadyPath:
     def cost(self, speeds: FloatArray) -> tuple[float, float]:
         """Return duration (s) and fuel at speeds (p, 4)."""
         slowness, vessel = self._slowness(speeds), self._voyage.vessel
-        fuel = self._total(slowness * speeds**vessel.fuel_exponent).sum()
+        fuel = self._total(slowness * efforts(speeds, vessel.law)).sum()
         return float(self._total(slowness).sum()), vessel.fuel_coefficient * float(fuel)
 
     def legs(self, speeds: FloatArray) -> IntArray:
@@ -195,7 +201,7 @@ class _SteadyPath:
         begin[own] = self._path[pieces.leg[first[own]]]
         time = np.add.reduceat(taken, first)
         vessel = voyage.vessel
-        fuel = vessel.fuel_coefficient * (time * speeds**vessel.fuel_exponent).sum()
+        fuel = vessel.fuel_coefficient * (time * efforts(speeds, vessel.law)).sum()
         times = voyage.departure + np.concatenate([[0.0], np.cumsum(time)])
         path = np.concatenate([begin, self._path[-1:]])
         return SpeedProfile(path, speeds, times, float(fuel), math.inf)
@@ -257,7 +263,8 @@ _STEPS_A_ROW = 3.0
 _TIMES = 48
 # Least width of a window of times, as a share of the duration at the highest speed.
 _NARROWEST = 1e-6
-# Price of lateness, as a multiple of k vᵏ at the highest speed v: so high that lateness never pays.
+# Price of lateness, as a multiple of k vᵏ at the highest speed v (with the k that the law is near
+# it): so high that lateness never pays.
 _LATE = 3.0
 # Largest number of rounds to find the multiplier.
 _ROUNDS = 12
@@ -302,10 +309,10 @@ class TimedPath:
             voyage.table,
             vessel.speed,
             voyage.drift == "crab",
-            vessel.fuel_exponent,
+            vessel.law,
             voyage.clock.step,
             min(deadline, self.last_arrival),
-            _LATE * vessel.fuel_exponent * vessel.speed**vessel.fuel_exponent,
+            _LATE * exponent_near(vessel.speed, vessel.law) * self._effort(vessel.speed),
         )
 
     def arrivals(self, speed: float) -> FloatArray:
@@ -340,7 +347,11 @@ class TimedPath:
         """Return arrival (s) and fuel at a constant speed (m/s)."""
         arrival = float(self.arrivals(speed)[-1])
         under_way = arrival - self._voyage.departure
-        return arrival, under_way * float(speed**self._voyage.vessel.fuel_exponent)
+        return arrival, under_way * self._effort(speed)
+
+    def _effort(self, speed: float) -> float:
+        """Return fuel a second over α at a speed (m/s)."""
+        return float(efforts(speed, self._voyage.vessel.law))
 
     @cached_property
     def last_arrival(self) -> float:
@@ -349,8 +360,7 @@ class TimedPath:
         Even at the lowest speed, a longer voyage burns more than a known one.
         """
         voyage = self._voyage
-        burnt = voyage.least_speed**voyage.vessel.fuel_exponent
-        slowest = voyage.departure + self.constant[1] / burnt
+        slowest = voyage.departure + self.constant[1] / self._effort(voyage.least_speed)
         return float(min(slowest, voyage.current.span[1]))
 
     def chain(self, deadline: float) -> Chain:
@@ -404,8 +414,8 @@ class TimedPath:
 
     def fuel(self, speeds: FloatArray) -> float:
         """Return the fuel at speeds (r,), m/s."""
-        exponent = self._voyage.vessel.fuel_exponent
-        return float((speeds**exponent * np.diff(self.sailed(speeds).times)).sum())
+        burnt = efforts(speeds, self._voyage.vessel.law)
+        return float((burnt * np.diff(self.sailed(speeds).times)).sum())
 
     def least_fuel(
         self,
@@ -420,7 +430,7 @@ class TimedPath:
         The price, also the first guess, is divided by α. Post-condition: the end is reached nearly
         by the deadline, if that is possible and the rounds are enough.
         """
-        exponent, (least, most) = self._voyage.vessel.fuel_exponent, self.speeds
+        law, (least, most) = self._voyage.vessel.law, self.speeds
         first = np.flatnonzero(np.diff(legs, prepend=-1))
         if not math.isfinite(self.sailed(speeds[legs]).times[-1]):
             # Too slow for some water: begin at the highest speed.
@@ -428,12 +438,12 @@ class TimedPath:
         times = np.diff(self.sailed(speeds[legs]).times)
         total = float(times.sum())
         if not math.isfinite(total):
-            return speeds, exponent * most**exponent
+            return speeds, exponent_near(most, law) * self._effort(most)
         mean = float((speeds[legs] * times).sum() / total)
         # In these units a change of any leg's speed costs about the same.
         scale = np.sqrt(np.maximum(np.add.reduceat(times, first) / total, 1e-12))
-        unit = mean**exponent * total
-        usual = max(exponent - 1, 0.1) * mean**exponent
+        unit = self._effort(mean) * total
+        usual = max(exponent_near(mean, law) - 1, 0.1) * self._effort(mean)
         price = usual if math.isnan(price) else price
         stiffness = usual / (_FIRST_LATE * total)
         low, high = least * scale, most * scale
@@ -492,7 +502,8 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
     speeds = np.add.reduceat(time * speeds, first) / np.add.reduceat(time, first)
     # The profile at the highest speed has a finite price, too: any one gives a lower bound on fuel.
     vessel = voyage.vessel
-    target, least = voyage.deadline, fastest._replace(price=vessel.fuel_exponent * vessel.fuel_rate)
+    usual = exponent_near(vessel.speed, vessel.law) * vessel.fuel_rate
+    target, least = voyage.deadline, fastest._replace(price=usual)
     for _ in range(_CLOCK_ROUNDS):
         speeds, price = way.least_fuel(speeds, legs, target, price)
         price_of_time = price * vessel.fuel_coefficient
@@ -572,6 +583,6 @@ def _flown(path: FloatArray, speeds: FloatArray, voyage: Voyage) -> SpeedProfile
         chart=voyage.chart,
     )
     at_points = passed.at_points
-    rate = vessel.fuel_coefficient * speeds**vessel.fuel_exponent
+    rate = vessel.rates(speeds)
     fuel = float((rate * np.diff(at_points)).sum()) if math.isfinite(at_points[-1]) else math.inf
     return SpeedProfile(path, speeds, at_points, fuel, math.inf)

@@ -160,8 +160,8 @@ def attempts(
         yield partial(path_from, corridor, near_rough, growth)
         yield partial(path_from, corridor, path_through_close_sections, growth)
         return
-    for polar in dict.fromkeys((corridor.polar, corridor.polar._replace(crab=True))):
-        own = replace(corridor, polar=polar)
+    for crab in dict.fromkeys((corridor.polar.crab, True)):
+        own = replace(corridor, polar=corridor.polar._replace(crab=crab))
         yield partial(_near_rough_or_bulging, own, growth)
         for rough in (_bulging, path_through_sections):
             yield partial(path_from, own, rough, growth)

@@ -342,7 +342,7 @@ class ClassPlanner:
 
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> ClassPath:
         """Steer a path (n, 2) found in the corridor, or in `used` with more padding."""
-        makes_room = self.is_thorough and used.polar == corridor.polar
+        makes_room = self.is_thorough and used.polar.crab == corridor.polar.crab
         steered = steered_with_room if makes_room else steered_as_it_is
         tight: tuple[Tight, ...] = ()
         try:

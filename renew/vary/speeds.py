@@ -473,7 +473,7 @@ class ClockSearch(PriceSearch):
 
 def _check_exponent(vessel: Vessel) -> None:
     """Refuse a choice of speeds for a vessel with which it can't be planned."""
-    if vessel.fuel_exponent < 1:
+    if vessel.power is None and vessel.fuel_exponent < 1:
         raise ParameterError(
             f"speed needs a fuel_exponent of at least 1, not {vessel.fuel_exponent:g}: below that "
             "the highest speed is always best"

@@ -366,7 +366,7 @@ def fuel(
     current : CurrentField or callable
         Velocity (..., 2) m/s at points (..., 2) m.
     vessel : Vessel
-        Gives v, α and the exponent.
+        Gives v and the fuel law.
     drift : {"projected", "crab"}
         Drift model; see the module.
     departure : float
@@ -379,8 +379,8 @@ def fuel(
     Returns
     -------
     float
-        α vᵏ times the time under way, leg by leg; ``inf`` where the vessel can't make way along the
-        path.
+        Fuel a second times the time under way, leg by leg; ``inf`` where the vessel can't make way
+        along the path.
 
     Raises
     ------
@@ -392,5 +392,5 @@ def fuel(
     )
     if speeds is None:
         return float(vessel.fuel_rate * (times[-1] - departure))
-    rate = vessel.fuel_coefficient * as_floats("speeds", speeds)[leg] ** vessel.fuel_exponent
+    rate = vessel.rates(as_floats("speeds", speeds)[leg])
     return float((rate * np.diff(times)).sum()) if math.isfinite(times[-1]) else math.inf

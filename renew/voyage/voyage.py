@@ -243,7 +243,7 @@ class Voyage:
             crab=is_crab,
             least=self.least_speed,
             price=self.price / vessel.fuel_coefficient,
-            exponent=vessel.fuel_exponent,
+            law=vessel.law,
         )
 
     @property
@@ -265,7 +265,7 @@ class Voyage:
 
     @property
     def cost_rate(self) -> float:
-        """Cost of a second by the polar (fuel units): α vᵏ, where no speed is chosen."""
+        """Cost of a second by the polar (fuel units): the fuel rate, where no speed is chosen."""
         if self.has_price:
             return self.vessel.fuel_coefficient * self.polar.scale
         return self.vessel.fuel_rate

@@ -14,7 +14,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLoca
 import renew
 from pipeline._types import FloatArray
 from pipeline.findings import text
-from pipeline.findings.choices import AS_GOOD, SpeedTradeOff, still_fuel_per_metre, way_text
+from pipeline.findings.choices import AS_GOOD, SpeedTradeOff, way_text
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (
@@ -141,20 +141,15 @@ def profile_figure(ranked: RankedRoute, width_pt: float | None = None) -> Figure
 
 def _draw_fuel(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
     """Draw the fuel used, and the fuel for the same distance in still water."""
-    scale = ranked.case.case.projection.scale
-    a_metre = still_fuel_per_metre(ranked)
-    still = a_metre * at.distance_m / scale
-    used, maximum = at.fuel, float(max(still[-1], at.fuel[-1]))
-    unit, name = titled_fuel_unit(maximum)
+    metrics, share = ranked.metrics, at.distance_m / at.distance_m[-1]
+    size, name = fuel_unit(max(metrics.fuel, metrics.still_fuel), metrics)
+    still, used = size * metrics.still_fuel * share, size * at.fuel
     ink = COLOURS["ink"]
-    axes.plot(run, still / unit, color=ink, linewidth=1.0, linestyle=DASHES, zorder=2)
-    draw_line(axes, run, used / unit)
-    axes.set_ylim(0, 1.05 * maximum / unit)
-    plot_title(
-        axes,
-        f"Fuel used{name}: {number(used[-1] / unit)}",
-        f"dashed: still water, {number(still[-1] / unit)}",
-    )
+    axes.plot(run, still, color=ink, linewidth=1.0, linestyle=DASHES, zorder=2)
+    draw_line(axes, run, used)
+    axes.set_ylim(0, 1.05 * max(still[-1], used[-1]))
+    note = f"dashed: still water, {number(still[-1])}"
+    plot_title(axes, f"Fuel used, {name.partition(' of ')[0]}: {number(used[-1])}", note)
 
 
 def _draw_speed(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
@@ -246,12 +241,6 @@ def _padding_m(ranked: RankedRoute, at: RouteProfile) -> FloatArray:
     points = shapely.points(projection.to_plane(at.lonlat))
     nearest = shapely.STRtree(edges).query_nearest(points, all_matches=False)[1]
     return np.asarray(padded[nearest, 4] * projection.scale)
-
-
-def titled_fuel_unit(maximum: float) -> tuple[float, str]:
-    """Return the unit for fuel up to a maximum, and its name in a title."""
-    unit, name = fuel_unit(maximum)
-    return unit, f" in {name}s" if name else ""
 
 
 def distance_unit(longest_m: float) -> tuple[str, float]:
@@ -440,8 +429,8 @@ def trade_off_figure(curve: SpeedTradeOff) -> Figure | None:
     figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
     longest = float(curve.durations_s[-1])
     unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)
-    scale, scale_name = titled_fuel_unit(float(curve.fuels.max()))
-    x, y = curve.durations_s / unit_s, curve.fuels / scale
+    size, name = fuel_unit(float(curve.fuels.max()), curve.metrics)
+    x, y = curve.durations_s / unit_s, curve.fuels * size
     draw_line(axes, x, y)
     low, high = float(y.min()), float(y.max())
     room = _MARGIN * max(high - low, 0.02 * high)
@@ -449,20 +438,20 @@ def trade_off_figure(curve: SpeedTradeOff) -> Figure | None:
     deadline = curve.choice.within_s / unit_s
     if deadline <= x[-1]:
         axes.axvline(deadline, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
-    at, chosen = curve.duration_s / unit_s, curve.fuel / scale
+    at, chosen = curve.duration_s / unit_s, curve.fuel * size
     mark_point(axes, at, chosen, "other", (6.0, 2.0))
     # Above and right of the falling curve there is room, unless the point is at its right end.
     on_left = at > 0.65 * x[-1] + 0.35 * x[0]
     plot_text(
         axes,
         f"{moment_text(curve.moment(curve.duration_s))}\n{hours(curve.duration_s)}, "
-        f"fuel {fuel(curve.fuel)}",
+        f"fuel {fuel(curve.fuel, curve.metrics)}",
         (at, chosen),
         on_left=on_left,
         offset_pt=(8.0, 8.0),
     )
     note = "dashed: deadline" if deadline <= x[-1] else ""
-    plot_title(axes, f"Least fuel by arrival{scale_name}", note)
+    plot_title(axes, f"Least fuel by arrival, {name}", note)
     plot_x_label(axes, f"arrival, {unit} after {moment_text(curve.departure)}")
     return figure
 

@@ -212,7 +212,7 @@ def _titles(case: RunCase) -> tuple[str, str]:
         return title, "no route"
     best = case.routes[0].metrics
     way = f"{best.main_passage}, " if best.way else ""
-    return title, f"{way}{distance(best.length_m)}, fuel {fuel(best.fuel)}"
+    return title, f"{way}{distance(best.length_m)}, fuel {fuel(best.fuel, best)}"
 
 
 def draw_case(axes: Axes, sea: PathPatch, case: RunCase) -> None:

@@ -45,6 +45,7 @@ from pipeline.formats.passage.waypoints import (
     both_sides,
     case_waypoints,
     document_title,
+    left_text,
     leg_text,
     limits_text,
     point_text,
@@ -324,7 +325,7 @@ def _rtz_waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes
                 "starboardXTD": _miles(points.starboard_m[index - 1]),
                 "portsideXTD": _miles(points.port_m[index - 1]),
                 "geometryType": points.curve,
-                "legInfo": leg_text(points, index - 1),
+                "legInfo": leg_text(points, index - 1) + left_text(points, index),
                 "legNote1": f"ends {duration(points.time_s[index])} after departure",
             }
         yield waypoint, place, leg

@@ -1,6 +1,7 @@
 """A route for a navigator: few waypoints, with course, speed and limits of each leg, and texts."""
 
 import itertools
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -87,6 +88,7 @@ class Waypoints:
     through_water_m_s : (n,) mean speed through water on the leg, over time.
     port_m, starboard_m : (n,) cross-track limits of the leg, true metres.
     radius_m : (n,) radius of the turn at the waypoint, true metres; 0 at start and goal.
+    fuel : (n,) used since departure on these legs, in the planner's units.
     """
 
     ranked: RankedRoute
@@ -101,6 +103,15 @@ class Waypoints:
     port_m: FloatArray
     starboard_m: FloatArray
     radius_m: FloatArray
+    fuel: FloatArray
+
+    @property
+    def left(self) -> FloatArray | None:
+        """Energy left (n,), over the reserve, in the unit for readers; None if not known."""
+        energy = self.ranked.metrics.energy
+        if energy is None or not np.isfinite(energy.on_board):
+            return None
+        return energy.units * (energy.on_board - self.fuel)
 
     @property
     def metrics(self) -> RouteMetrics:
@@ -209,6 +220,7 @@ def _described(
         port_m=np.append(np.minimum(port * true, MAX_CROSS_TRACK_M), nothing),
         starboard_m=np.append(np.minimum(starboard * true, MAX_CROSS_TRACK_M), nothing),
         radius_m=np.concatenate([[0.0], turns * np.minimum(true[:-1], true[1:]), [0.0]]),
+        fuel=cumulative(case.vessel.rates(steps.through_water_m_s) * steps.planner_s)[ends],
     )
 
 
@@ -334,7 +346,14 @@ def point_text(points: Waypoints, index: int) -> str:
     """Describe a waypoint: its route, and the leg that leaves it."""
     is_last = index + 1 == len(points.lonlat)
     leg = "end of the route" if is_last else leg_text(points, index)
-    return f"{route_name(points.ranked)}: {leg}"
+    return f"{route_name(points.ranked)}: {leg}{left_text(points, index)}"
+
+
+def left_text(points: Waypoints, index: int) -> str:
+    """Say what energy is left at a waypoint: "; 512 Wh left"; empty if that is not known."""
+    if points.left is None or points.ranked.metrics.energy is None:
+        return ""
+    return f"; {math.floor(points.left[index]):,} {points.ranked.metrics.energy.unit} left"
 
 
 def leg_text(points: Waypoints, leg: int) -> str:

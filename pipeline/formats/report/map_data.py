@@ -21,7 +21,7 @@ from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, stretch_line
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import route_profile
-from pipeline.findings.text import zone_text
+from pipeline.findings.text import fuel_unit, zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
 from pipeline.geo.projection import Projection
 from pipeline.model import RouteKey, Water
@@ -395,6 +395,7 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
     projection = ranked.case.run.water.projection
     whole = lattice.to_steps(projection.to_plane(profile.lonlat))
     turns, hits = _turns(ranked)
+    size, unit = fuel_unit(ranked.metrics.fuel, ranked.metrics)
     return {
         "rank": ranked.rank,
         "way": ranked.metrics.way,
@@ -404,7 +405,8 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
         "time": series(profile.time_s),
         "distance": series(profile.distance_m),
         "course": series(profile.course_deg),
-        "fuel": series(profile.fuel),
+        "fuel": series(size * profile.fuel),
+        "fuelUnit": unit.partition(" of ")[0],
         "speed": series(profile.speed_m_s),
         "current": series(profile.current_along_m_s),
         "clearance": series(profile.clearance_m),

@@ -162,7 +162,12 @@ def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
 
 
 def _doubts(result: RunResult) -> Iterator[Notice]:
-    """Yield the notices directly below the answer: on currents, other routes and decisions."""
+    """Yield the notices directly below the answer: energy, currents, other routes, decisions."""
+    short = [note for note in result.unknowns if note.kind == "energy-short"]
+    yield (
+        "Too little on board",
+        tuple(("", f"{text.capitalised(one)}.") for one in note_texts(short)),
+    )
     with_grid = [case for case in result.cases if case.grid is not None]
     yield (
         "Planned with stand-in currents",
@@ -352,7 +357,7 @@ def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
     return page_svg(
         profile_figure(best),
         identity=f"{anchor}-profile",
-        label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
+        label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel, m)}, speed over "
         f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
     )
@@ -401,7 +406,7 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
             "metrics": one.metrics,
             "excess": excess,
             "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
-            "of_still": one.metrics.fuel_per_distance / choices.still_fuel_per_metre(one),
+            "of_still": one.metrics.fuel / one.metrics.still_fuel,
             "of_shortest": one.metrics.fuel / shortest.metrics.fuel,
         }
         for one, excess in zip(routes, excesses, strict=True)
@@ -412,16 +417,18 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
 def _rejected(case: RunCase) -> list[dict[str, Any]]:
     """Group the rejected classes by reason, in order of first appearance.
 
-    Each group has the least fuel of any class without padding, and a place for the map, or "".
+    Each group has by how much the least fuel of any class, without padding, is above the best
+    route's, and a place for the map, or "".
     """
     groups: dict[str, list[Rejected]] = {}
+    best = case.routes[0].metrics.fuel if case.routes else math.nan
     for rejected in case.plan.rejected if case.plan else ():
         groups.setdefault(case.rejection_reason(rejected), []).append(rejected)
     return [
         {
             "reason": reason,
             "homotopies": [r.homotopy for r in group],
-            "unpadded_fuel": min(r.unpadded_fuel for r in group),
+            "excess": min(r.unpadded_fuel for r in group) / best - 1,
             # The middle of the places that the reason names.
             "place": place_on_map(case.run.water, np.mean(named, axis=0))
             if (named := group[0].text.places)
@@ -519,7 +526,7 @@ def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
     way, water = row.way, case.run.water
     place = None if way is None else water.projection.to_plane(way.place)
     return {
-        **haven_texts(row, case.spec.departure),
+        **haven_texts(row, case),
         "way": way,
         "place": "" if place is None else place_on_map(water, place),
     }

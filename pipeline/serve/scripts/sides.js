@@ -22,7 +22,7 @@ function facts(rows) {
 
 function figures(route, noGo) {
   return [
-    ["Fuel", route.excess > 0 ? `+${percent(route.excess)}` : "least"],
+    ["Fuel", route.excess > 0 ? `+${percent(route.excess)}` : route.fuel_text],
     ["Time", timeText(route.duration_s)],
     ["Length", formatDistance(route.length_m)],
     ["Better by at most", gapText(route.gap)],

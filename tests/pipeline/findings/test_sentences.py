@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pipeline.findings.sentences import CaseFacts, clock_text
 from pipeline.findings.text import gap_figure, gap_text
-from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics
+from pipeline.model import ClockWorth, Energy, GapShares, Passage, RouteMetrics
 
 BEST = RouteMetrics(
     rank=1,
@@ -19,6 +19,7 @@ BEST = RouteMetrics(
     clearance_m=3_460.0,
     duration_s=1_000_000 / 1.25,
     speed_m_s=1.0,
+    still_fuel=1000.0,
     optimality_gap=0.25,
     trials=1430,
     collisions=0,
@@ -47,7 +48,7 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert "keeps at least 3.46 km from land; none of 1,430 simulated hard-over turns met" in text
     # A gap of a quarter of the bound: 720, a fifth below the fuel.
     assert "no route within the chart, of any class and however close to" in text
-    assert "needs less than 720.0; this one is within 25.0 % of that bound" in text
+    assert "needs less than 72.00 % of still water; this one is within 25.0 % of that bound" in text
 
 
 def test_each_other_route_is_told_why_it_needs_more() -> None:
@@ -195,8 +196,10 @@ def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
 
 
 def test_the_bound_is_written_as_fuel_is() -> None:
-    text = " ".join(CaseFacts([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict())
-    assert "needs less than 16.28 million; this one is within 3.0 %" in text
+    energy = Energy("Wh", 1 / 3600, 1 / 3600, math.nan)
+    best = replace(BEST, fuel=16_770_000.0, optimality_gap=0.03, energy=energy)
+    text = " ".join(CaseFacts([best]).verdict())
+    assert "needs less than 4,522 Wh; this one is within 3.0 %" in text
 
 
 def test_a_bound_below_half_the_fuel_is_called_of_no_use() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
@@ -13,8 +14,10 @@ from hypothesis import given, strategies as st
 
 from pipeline.findings import text as texts
 from pipeline.findings.text import json_value
-from pipeline.model import Zone
+from pipeline.model import Energy, RouteMetrics, Zone
 
+ROUTE = RouteMetrics(1, "e", 900.0, 0.9, 1e3, 1e6, 3e3, 8e5, 1.0, still_fuel=800.0)
+POWERED = replace(ROUTE, energy=Energy("Wh", 1 / 3600, 1 / 3600, math.nan))
 NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
 
 
@@ -37,12 +40,13 @@ NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
         (texts.clearance(0.0), "0.00 m"),
         (texts.clearance(123_999.0), "123 km"),
         (texts.clearance(math.inf), "–"),
-        (texts.fuel(695.62), "695.6"),
-        (texts.fuel(16_817_637), "16.82 million"),
+        (texts.fuel(695.62, ROUTE), "86.95 % of still water"),
+        (texts.fuel(2_718_000, POWERED), "755.0 Wh"),
+        (texts.fuel(44_316_000, POWERED), "12.31 kWh"),
+        (texts.fuel(2_718_000, POWERED, least=True), "755.0 Wh"),
         (texts.box((119.8, -17.29, 120.2, -15.88)), "119.8 to 120.2 E, 17.29 to 15.88 S"),
         (texts.box((178, -1, 182, 2)), "178 E to 178 W, 1 S to 2 N"),
-        (texts.fuel(152_340), "152.3 thousand"),
-        (texts.fuel(math.nan), "–"),
+        (texts.fuel(math.nan, ROUTE), "–"),
         (texts.share(0.9664), "96.6 %"),
         (texts.share(1.0101), "101 %"),
         (texts.hours(722_000), "200.6 h"),

@@ -147,6 +147,7 @@ def metrics(case: Case, rank: int, route: renew.Route, found: renew.Contingency)
         trials=found.trials,
         collisions=found.collisions,
         land_m=float(shapely.intersection(line, land).length) * scale,
+        still_fuel=case.vessel.fuel_rate * route.length / case.vessel.speed,
     )
 
 

@@ -172,14 +172,8 @@ def fields(path: Path) -> list[dict[str, object]]:
     with path.open("rb") as file:
         while (handle := eccodes.codes_grib_new_from_file(file)) is not None:
             points = eccodes.codes_grib_get_data(handle)
-            keys: tuple[str, ...] = (
-                "indicatorOfParameter",
-                "dataDate",
-                "dataTime",
-                "step",
-                "missingValue",
-            )
-            keys += ("validityDate", "validityTime")
+            keys = ["indicatorOfParameter", "dataDate", "dataTime", "step", "missingValue"]
+            keys += ["validityDate", "validityTime"]
             found.append(
                 {key: eccodes.codes_get(handle, key) for key in keys}
                 | {"level": eccodes.codes_get(handle, "typeOfLevel")}

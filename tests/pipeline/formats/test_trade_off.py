@@ -15,8 +15,6 @@ import renew
 from pipeline.findings.choices import (
     SpeedTradeOff,
     speed_notes,
-    still_fuel_per_metre,
-    still_speed_m_s,
     trade_off,
     trade_off_text,
 )
@@ -104,9 +102,10 @@ def test_the_plot_marks_the_chosen_arrival(found: SpeedTradeOff) -> None:
     assert figure is not None
     (axes,) = figure.axes
     curve, deadline, chosen = (np.asarray(line.get_xydata()) for line in axes.get_lines())
-    assert curve == pytest.approx(np.column_stack([found.durations_s / 3600, found.fuels]))
+    size = 100 / found.metrics.still_fuel
+    assert curve == pytest.approx(np.column_stack([found.durations_s / 3600, size * found.fuels]))
     assert deadline[0, 0] == pytest.approx(chosen_speeds.WITHIN.total_seconds() / 3600)
-    assert chosen.tolist() == [[found.duration_s / 3600, found.fuel]]
+    assert chosen == pytest.approx(np.array([[found.duration_s / 3600, size * found.fuel]]))
     assert axes.texts[0].get_text().startswith("2026-11-22 08:00 UTC\n1.7 h")
 
 
@@ -122,13 +121,14 @@ def test_the_page_says_how_fast_and_plots_it(result: RunResult) -> None:
 
 def test_still_water_is_that_of_the_same_time(result: RunResult) -> None:
     own, best = (result.case(name).routes[0] for name in ("own", "chosen"))
-    assert still_speed_m_s(own) == 1.5
-    speed, chosen = still_speed_m_s(best), best.metrics
-    assert speed == pytest.approx(chosen.length_m / chosen.duration_s)
-    vessel = replace(result.cases[0].case.vessel, speed=speed)
-    line = np.array([[0.0, 0.0], [chosen.length, 0.0]])
-    still = renew.fuel(line, renew.UniformCurrent(0.0, 0.0), vessel)
-    assert still_fuel_per_metre(best) * chosen.length == pytest.approx(still)
+    for metrics, speed in (
+        (own.metrics, 1.5),
+        (best.metrics, best.metrics.length_m / best.metrics.duration_s),
+    ):
+        vessel = replace(result.cases[0].case.vessel, speed=speed)
+        line = np.array([[0.0, 0.0], [metrics.length, 0.0]])
+        still = renew.fuel(line, renew.UniformCurrent(0.0, 0.0), vessel)
+        assert metrics.still_fuel == pytest.approx(still)
 
 
 def test_the_files_are_written_where_speeds_are_chosen_and_the_choice_is_kept(

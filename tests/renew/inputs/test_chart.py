@@ -60,6 +60,48 @@ def test_all_faults_of_a_vessel_are_named() -> None:
         assert name in str(caught.value)
 
 
+CURVE = ((0.5, 2.1), (1.0, 19.0), (2.0, 190.0))
+
+
+@pytest.mark.parametrize(
+    ("power", "said"),
+    [
+        (((0.5, 2.1),), r"shape \(1, 2\)"),
+        (((0.5, 2.1), (1.0, "a lot")), "real numbers"),
+        (((0.0, 2.1), (1.0, 19.0)), "hotel is the power at 0"),
+        (((0.5, 2.1), (1.0, 2.0)), "rise with speed"),
+        (((0.5, 2.1), (1.0, math.nan)), "rise with speed"),
+        (((0.5, 2.1), (1.0, 114.0), (2.0, 198.0)), "114 W at 1 m/s lie above the line"),
+        (((0.5, 2.1), (0.9, 19.0)), "speed = 1 m/s is above the speeds.*, 0.5 to 0.9 m/s"),
+    ],
+)
+def test_a_power_that_is_no_curve_is_refused(power: object, said: str) -> None:
+    with pytest.raises(renew.ParameterError, match=said):
+        renew.Vessel(1.0, 0.6, power=power)  # type: ignore[arg-type]
+
+
+def test_speeds_beyond_the_power_given_are_refused() -> None:
+    with pytest.raises(renew.ParameterError, match=r"speed = 2\.5 m/s is above the speeds"):
+        renew.Vessel(2.5, 0.6, power=CURVE)
+    with pytest.raises(renew.ParameterError, match="in place of fuel_coefficient"):
+        renew.Vessel(1.0, 0.6, fuel_exponent=3.0, power=CURVE)
+    with pytest.raises(renew.ParameterError, match=r"hotel = -1"):
+        renew.Vessel(1.0, 0.6, hotel=-1)
+    vessel = renew.Vessel(1.0, 0.6, power=CURVE, hotel=30.0)
+    assert vessel.fuel_rate == pytest.approx(49.0)
+    with pytest.raises(renew.ParameterError) as refused:
+        renew.plan(
+            renew.Chart(shapely.box(0, 0, 9, 9)),
+            renew.UniformCurrent(0.0, 0.0),
+            vessel,
+            (1, 1),
+            (8, 8),
+            speed=(0.4, 2.2),
+        )
+    assert "speed.least = 0.4 m/s is below" in str(refused.value)
+    assert "speed.most = 2.2 m/s is above" in str(refused.value)
+
+
 def test_an_exponent_whose_power_overflows_is_refused() -> None:
     with pytest.raises(renew.ParameterError, match=r"fuel_exponent = 1000\.0 must be"):
         renew.Vessel(1.0, 0.6, fuel_exponent=1000.0)

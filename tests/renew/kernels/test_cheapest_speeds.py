@@ -24,6 +24,7 @@ from renew.kernels.cheapest_speeds import (
     slopes,
 )
 from renew.kernels.current_table import CurrentTable, table_of
+from renew.kernels.fuel_law import FuelLaw, efforts, spline_nodes
 
 IS_CRAB = False
 
@@ -44,7 +45,7 @@ def test_no_optimizer_finds_cheaper_speeds(seed: int, legs: np.ndarray) -> None:
     count, deadline, price = legs[-1] + 1, 100.0 + 20 * seed, 2.0
     scale = np.sqrt(np.bincount(legs) / 40)
     low, high = 0.6 * scale, 3.0 * scale
-    costs = CostModel(turning_tide(seed), 3.0, IS_CRAB, 2.0 + seed % 2, 2.0, math.inf, 1.0)
+    costs = CostModel(turning_tide(seed), 3.0, IS_CRAB, FuelLaw(2.0 + seed % 2), 2.0, math.inf, 1.0)
     problem = SpeedProblem(
         path,
         legs,
@@ -81,7 +82,7 @@ def test_speeds_that_make_no_way_stay() -> None:
     uv = np.zeros((2, 2, 2, 2))
     uv[..., 0] = 2.0
     table = table_of(axis, axis, uv, times=times)
-    costs = CostModel(table, 1.0, IS_CRAB, 2.0, 2.0, math.inf, 1.0)
+    costs = CostModel(table, 1.0, IS_CRAB, FuelLaw(), 2.0, math.inf, 1.0)
     ones = np.ones(10)
     limits = 0.5 * ones, ones
     problem = SpeedProblem(path, np.arange(10), ones, *limits, 0.0, costs, 200.0, 1.0, 1.0, 100.0)
@@ -100,19 +101,22 @@ def shear_tide() -> CurrentTable:
     return table_of(axis, axis, uv, times=np.array([0.0, 100.0]))
 
 
+NODES = spline_nodes(((0.1, 0.5), (1.0, 1.2), (2.0, 5.0), (3.0, 14.0)))
+
+
 @pytest.mark.parametrize("crab", [False, True])
-@pytest.mark.parametrize("exponent", [2.0, 3.0])
-def test_slopes_are_those_of_differences(exponent: float, crab: bool) -> None:
-    costs = CostModel(shear_tide(), 3.0, crab, exponent, 2.0, math.inf, 1.0)
+@pytest.mark.parametrize("law", [FuelLaw(2.0), FuelLaw(3.0, 0.7), FuelLaw(math.nan, 0.7, NODES)])
+def test_slopes_are_those_of_differences(law: FuelLaw, crab: bool) -> None:
+    costs = CostModel(shear_tide(), 3.0, crab, law, 2.0, math.inf, 1.0)
     rng = np.random.default_rng(1)
     path = np.column_stack([np.linspace(5, 95, 8), rng.uniform(20, 80, 8)])
     speeds, price = rng.uniform(1.0, 2.5, 7), 1.7
 
     def cost(speeds: np.ndarray) -> float:
         times = SailedLegs(*sailed(path, speeds, 3.0, costs)).times
-        return float((speeds**exponent * np.diff(times)).sum() + price * times[-1])
+        return float((efforts(speeds, law) * np.diff(times)).sum() + price * times[-1])
 
-    found = slopes(speeds, SailedLegs(*sailed(path, speeds, 3.0, costs)), price, exponent)
+    found = slopes(speeds, SailedLegs(*sailed(path, speeds, 3.0, costs)), price, law)
     for leg in range(7):
         step = 1e-4 * np.eye(7)[leg]
         expected = (cost(speeds + step) - cost(speeds - step)) / 2e-4
@@ -121,7 +125,7 @@ def test_slopes_are_those_of_differences(exponent: float, crab: bool) -> None:
 
 def test_no_time_is_known_behind_water_that_is_too_strong() -> None:
     crab = False
-    costs = CostModel(shear_tide(), 3.0, crab, 2.0, 2.0, math.inf, 1.0)
+    costs = CostModel(shear_tide(), 3.0, crab, FuelLaw(), 2.0, math.inf, 1.0)
     path = np.array([[95.0, 90.0], [60.0, 90.0], [5.0, 90.0]])
     # At 0.3 m/s the vessel can't stem a fair current that has turned.
     times = SailedLegs(*sailed(path, np.array([2.0, 0.3]), 90.0, costs)).times
@@ -141,7 +145,7 @@ def test_in_still_water_the_straight_chain_is_sailed_at_one_speed() -> None:
     assert clear[0, 0].all()
     times = np.linspace(x / 2, x / 0.5, 41).T.copy()
     crab = False
-    costs = CostModel(still, 2.0, crab, 3.0, 1e3, 100.0, 100.0)
+    costs = CostModel(still, 2.0, crab, FuelLaw(3.0), 1e3, 100.0, 100.0)
     limits = np.tile([0.5, 2.0], (10, 1))
     found = Chain(*cheapest_chain(Rows(points, clear, times, limits), costs))
     assert (found.points[1:-1] == 1).all()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
+from renew.kernels.fuel_law import FuelLaw, efforts, spline_nodes
 from renew.kernels.ground_speed import (
     Polar,
     choosing,
@@ -60,25 +61,34 @@ def test_many_at_once_are_each_by_itself() -> None:
         )
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0, 4.5])
-def test_the_chosen_speed_is_the_cheapest_of_all(exponent: float) -> None:
-    rng = np.random.default_rng(int(2 * exponent))
+POINTS = ((0.02, 0.4), (0.6, 0.9), (1.3, 2.0), (2.2, 9.0), (3.0, 21.0))
+LAWS = [
+    *(FuelLaw(exponent) for exponent in (1.0, 1.5, 2.0, 3.0, 4.5)),
+    FuelLaw(2.0, 0.8),
+    FuelLaw(3.3, 1.4),
+    FuelLaw(math.nan, 0.3, spline_nodes(POINTS)),
+]
+
+
+@pytest.mark.parametrize(("seed", "law"), list(enumerate(LAWS)))
+def test_the_chosen_speed_is_the_cheapest_of_all(seed: int, law: FuelLaw) -> None:
+    rng = np.random.default_rng(seed)
     for _ in range(150):
         most = rng.uniform(0.5, 3)
         least, price = most * rng.uniform(0.05, 0.95), float(rng.choice([0.0, rng.uniform(0, 20)]))
         crab, (along, across) = bool(rng.integers(2)), rng.normal(0, rng.choice([0.1, 0.5, 1.0]), 2)
-        polar = choosing(most, crab=crab, least=least, price=price, exponent=exponent)
+        polar = choosing(most, crab=crab, least=least, price=price, law=law)
         current, course = np.array([along, across]), np.array([1.0, 0.0])
         speed = float(chosen_speeds(current, course, polar))
         made = float(made_good(current, course, polar))
         speeds = np.linspace(least, most, 20_001)
         with np.errstate(invalid="ignore"):
             way = along + (np.sqrt(speeds**2 - across**2) if crab else speeds)
-        rate = np.where(way > 0, way, 0.0) / (speeds**exponent + price)
+        rate = np.where(way > 0, way, 0.0) / (efforts(speeds, law) + price)
         if rate.max() <= 0:
             assert not made > 0
             continue
         assert made == pytest.approx(polar.scale * rate.max(), rel=1e-5)
         assert least <= speed <= most
-    still = choosing(2.0, crab=True, least=0.5, price=1.3, exponent=exponent)
+    still = choosing(2.0, crab=True, least=0.5, price=1.3, law=law)
     assert float(made_good(np.zeros(2), np.array([1.0, 0.0]), still)) == pytest.approx(2.0)

@@ -23,20 +23,27 @@ START, GOAL = (20.0, 30.0), (130.0, 120.0)
 
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("drift", ["projected", "crab"])
-@pytest.mark.parametrize("exponent", [2.0, 3.0])
+@pytest.mark.parametrize(("exponent", "hotel"), [(3.0, 2.0), (2.0, 0.0), (3.0, 0.0)])
 @pytest.mark.parametrize("seed", range(3))
 def test_no_path_and_speeds_of_an_optimizer_need_less(
-    seed: int, exponent: float, drift: Literal["projected", "crab"]
+    seed: int, exponent: float, hotel: float, drift: Literal["projected", "crab"]
 ) -> None:
     current = StreamFunctionCurrent(seed, 0.6)
-    vessel = replace(PAPER_VESSEL, fuel_exponent=exponent)
+    vessel = replace(PAPER_VESSEL, fuel_exponent=exponent, hotel=hotel)
     deadline, speeds = 130.0, (0.75, 2.0)
     best = renew.plan(
         OPEN, current, vessel, START, GOAL, drift=drift, speed=speeds, arrive_by=deadline
     ).best
     line = np.linspace(START, GOAL, 25)
     oracle = least_fuel(
-        line, current, speeds, deadline, exponent=exponent, crab=drift == "crab", moving=True
+        line,
+        current,
+        speeds,
+        deadline,
+        exponent=exponent,
+        hotel=hotel,
+        crab=drift == "crab",
+        moving=True,
     )
     assert best.fuel <= 1.001 * oracle
     assert best.fuel_bound.value <= oracle

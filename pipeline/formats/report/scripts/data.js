@@ -28,8 +28,8 @@ function readSeries({ step, moves }) {
 
 /** A route with its places, and its profile along them. */
 function readRoute(route, step) {
-  const { rank, way, side, isSide, excess } = route;
-  const read = { rank, way, side, isSide, excess };
+  const { rank, way, side, isSide, excess, fuelUnit } = route;
+  const read = { rank, way, side, isSide, excess, fuelUnit };
   for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], step);
   read.marked = route.marked.map(({ role, places }) => ({ role, places: readLine(places, step) }));
   read.soft = route.soft.map((ring) => readRing(ring, step));

@@ -55,7 +55,7 @@ class Playback {
       speed: formatSpeed(now.speed),
       current: formatCurrent(now.current),
       clearance: formatClearance(now.clearance),
-      fuel: formatFuel(now.fuel),
+      fuel: `${formatNumber(now.fuel)} ${this.route.fuelUnit}`,
       distance: formatDistance(now.distance),
     };
   }

@@ -27,11 +27,11 @@ class Strip {
     for (const plot of this.plots) {
       const series = route && route[plot.name];
       plot.holder.hidden = !series;
-      if (series) this.draw(plot, route.time, series);
+      if (series) this.draw(plot, route, series);
     }
   }
 
-  draw({ name, range, zero, curve }, time, series) {
+  draw({ name, range, zero, curve }, { time, fuelUnit }, series) {
     const { width, height, pad } = STRIP;
     const [low, high] = [Math.min(...series), Math.max(...series)];
     // The axis of fuel and clearance begins at 0; that of the current includes 0.
@@ -41,7 +41,8 @@ class Strip {
     const x = (value) => (value / time[time.length - 1]) * width;
     curve.setAttribute("d", series.map((value, i) => `${i ? "L" : "M"}${x(time[i]).toFixed(1)} ${y(value).toFixed(1)}`).join(""));
     zero.setAttribute("d", name === "current" ? `M0 ${y(0).toFixed(1)}H${width}` : "");
-    const format = name === "clearance" ? formatClearance : name === "fuel" ? formatFuel : formatSpeed;
+    const fuel = (value) => `${formatNumber(value)} ${fuelUnit}`;
+    const format = name === "clearance" ? formatClearance : name === "fuel" ? fuel : formatSpeed;
     range.textContent = `${format(low)} to ${format(high)}`;
   }
 

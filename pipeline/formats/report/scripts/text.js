@@ -5,7 +5,6 @@ const MILE_M = 1852;
 const KNOT_M_S = 1852 / 3600;
 // Distance, metres, from which nautical miles are given, when they are asked for: a cable.
 const MILES_FROM_M = MILE_M / 10;
-const FUEL_UNITS = [[1e9, 1e9, " billion"], [1e6, 1e6, " million"], [1e5, 1e3, " thousand"]];
 
 /** The reader's units, the same for the whole page. */
 const units = { nautical: false };
@@ -23,12 +22,6 @@ function formatNumber(value, digits = 4) {
 function formatDecimals(value, decimals) {
   const form = { minimumFractionDigits: decimals, maximumFractionDigits: decimals };
   return value.toLocaleString("en", form).replace("-", "−");
-}
-
-/** Fuel to four digits: 695.6, 16.82 million. */
-function formatFuel(value) {
-  const unit = FUEL_UNITS.find(([least]) => value >= least);
-  return unit ? `${formatNumber(value / unit[1])}${unit[2]}` : formatNumber(value);
 }
 
 /** True metres: 712.1 km, 3.46 km, 820.4 m; or 384.5 NM, 1.87 NM, 0.44 NM, 82.0 m. */

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -19,7 +20,8 @@ from pipeline.findings.route_profile import route_profile
 from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures.chart_map import page_svg
 from pipeline.formats.figures.plots import padding_figure, profile_figure
-from tests.pipeline.results import with_case, with_water
+from pipeline.model import Energy
+from tests.pipeline.results import with_water
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +79,7 @@ def test_the_panels_show_the_routes_profile(result: RunResult) -> None:
     fuel, speed, current, clearance = profile_figure(ranked).axes
     run = found.distance_m / 1000
     for axes, figures in (
-        (fuel, found.fuel),
+        (fuel, 100 * found.fuel / ranked.metrics.still_fuel),
         (speed, found.speed_m_s),
         (clearance, found.clearance_m / 1000),
     ):
@@ -135,17 +137,19 @@ def test_fuel_in_still_water_is_what_the_distance_takes(planar_result: RunResult
     ranked = planar_result.routes[0]
     fuel = profile_figure(ranked).axes[0]
     # The paper's vessel makes 1 m/s and burns 1 a second.
-    assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
+    share = 100 * ranked.metrics.fuel / ranked.route.length
+    assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(100)
+    assert drawn(fuel, "best")[0][-1, 1] == pytest.approx(share)
+    assert f"Fuel used, %: {share:.2f}" in text_of(fuel)
 
 
-def test_a_large_fuel_is_written_and_drawn_in_millions(planar_result: RunResult) -> None:
-    vessel = replace(planar_result.planned["gyre"].vessel, fuel_coefficient=1e6)
-    ranked = with_case(planar_result, "gyre", vessel=vessel).routes[0]
-    burnt = replace(ranked, metrics=replace(ranked.metrics, fuel=ranked.metrics.fuel * 1e6))
-    fuel = profile_figure(burnt).axes[0]
-    assert drawn(fuel, "best")[0][-1, 1] == pytest.approx(ranked.metrics.fuel)
-    assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
-    assert f"Fuel used in millions: {ranked.metrics.fuel:.2f}" in text_of(fuel)
+def test_energy_is_drawn_in_watt_hours(planar_result: RunResult) -> None:
+    ranked = planar_result.routes[0]
+    energy = Energy("Wh", 2.5, 2.5, math.nan)
+    fuel = profile_figure(replace(ranked, metrics=replace(ranked.metrics, energy=energy))).axes[0]
+    assert drawn(fuel, "best")[0][-1, 1] == pytest.approx(2.5 * ranked.metrics.fuel)
+    assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(2.5 * ranked.route.length, rel=1e-6)
+    assert f"Fuel used, Wh: {2.5 * ranked.metrics.fuel:.1f}" in text_of(fuel)
 
 
 def test_open_sea_has_no_panel_of_clearance(planar_result: RunResult) -> None:

@@ -72,10 +72,10 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
         assert buttons.count() == len(rows)
         for index, m in enumerate(rows):
             text = buttons.nth(index).inner_text()
-            assert " ".join(text.split()).startswith(f"{m.rank} {m.way} {texts.fuel(m.fuel)} fuel")
+            assert " ".join(text.split()).startswith(f"{m.rank} {m.way} {texts.fuel(m.fuel, m)}")
             buttons.nth(index).click()
             slide(page, 1000)
-            assert now(page, "fuel") == texts.number(m.fuel)
+            assert now(page, "fuel") == f"{texts.number(100 * m.fuel / m.still_fuel)} %"
             assert now(page, "time") == texts.hours(m.duration_s)
             assert float(now(page, "distance").split()[0]) == pytest.approx(
                 m.length_m / 1000, rel=5e-4
@@ -95,12 +95,12 @@ def test_quantities_are_formatted_as_in_the_tables(browser: Browser) -> None:
     values = [1234.567, 0.5, 12.3456, 712_089.9, 3_460.0, 820.4, 99.96, 0.012345, 2.5e7, -1.5]
     formatted = page.evaluate(
         f"values => {{ {code}; return values.map(v => [formatNumber(v), formatDistance(v),"
-        " formatTime(v), formatClearance(v), formatFuel(v)]); }",
+        " formatTime(v), formatClearance(v)]); }",
         values,
     )
-    forms = (texts.number, texts.distance, texts.hours, texts.clearance, texts.fuel)
+    forms = (texts.number, texts.distance, texts.hours, texts.clearance)
     for shown, value in zip(formatted, values, strict=True):
-        # There are no negative distances, times and fuels.
+        # There are no negative distances and times.
         wanted = [form(value) for form in (forms if value > 0 else forms[:1])]
         assert shown[: len(wanted)] == [text.replace("-", "\N{MINUS SIGN}") for text in wanted]
     page.close()
@@ -173,7 +173,7 @@ def test_the_voyage_plays(reader: Reader, file: Path) -> None:
     assert page.locator("#play").inner_text() == "Play the voyage"
     assert now(page, "time") != time
     assert vessel.bounding_box() != place
-    assert float(now(page, "fuel")) > 0
+    assert float(now(page, "fuel").removesuffix("%")) > 0
     assert int(page.locator("#time").input_value()) > 5
     # Announced once, after the vessel has stopped.
     page.wait_for_selector("#spoken:not(:empty)", state="attached")
@@ -193,7 +193,7 @@ def test_the_voyages_position_and_time_are_true(
     values = []
     for value in range(0, 1001, 50):
         slide(page, value)
-        values.append(float(now(page, "fuel")))
+        values.append(float(now(page, "fuel").removesuffix("%")))
         assert page.locator("#time").get_attribute("aria-valuetext") == (
             f"{now(page, 'time')} of {texts.hours(rows_of(result)[0].duration_s)}"
         )
@@ -344,7 +344,8 @@ def test_a_planar_scenario_has_positions_in_metres(
     assert now(page, "place") == "x 10.00 m, y 10.00 m"
     slide(page, 1000)
     assert now(page, "place") == "x 90.00 m, y 90.00 m"
-    assert now(page, "fuel") == texts.number(rows_of(planar_result)[0].fuel)
+    m = rows_of(planar_result)[0]
+    assert now(page, "fuel") == f"{texts.number(100 * m.fuel / m.still_fuel)} %"
 
 
 @pytest.mark.slow

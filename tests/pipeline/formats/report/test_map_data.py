@@ -90,7 +90,9 @@ def test_routes_run_from_start_to_goal_with_their_metrics(
             assert places[-1] == pytest.approx(goal, abs=1e-3)
             line = shapely.LineString(places)
             assert line.hausdorff_distance(shapely.LineString(r.route.path)) < 2e-3
-            assert decoded(route["fuel"])[-1] == pytest.approx(r.metrics.fuel, rel=1e-9)
+            assert decoded(route["fuel"])[-1] == pytest.approx(
+                100 * r.metrics.fuel / r.metrics.still_fuel, rel=1e-9
+            )
             assert decoded(route["time"])[-1] == pytest.approx(r.metrics.duration_s, rel=1e-9)
             assert decoded(route["distance"])[-1] == pytest.approx(r.metrics.length_m, rel=1e-4)
             clearance = decoded(route["clearance"])

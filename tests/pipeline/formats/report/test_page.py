@@ -83,7 +83,6 @@ def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> N
             row = dict(zip(header, cells, strict=True))
             assert row["Rank"] == str(m.rank)
             assert row["Way"] == m.way
-            assert float(row["Fuel"]) == pytest.approx(m.fuel, rel=5e-4)
             still = m.fuel / m.length  # 1 m/s and the fuel rate 1
             assert row["Of still water"] == texts.share(still)
             shortest = min(metrics, key=lambda one: one.length_m)
@@ -130,7 +129,7 @@ def test_the_best_routes_profile_and_padding_are_plotted(page: Page, result: Run
     for season, entry in zip(("Summer", "Winter (December)"), result.results, strict=True):
         best = result.case(entry.name).routes[0].metrics
         [profile] = [a for a in labels if a.startswith(f"Along the best route of {season}:")]
-        assert f"fuel up to {texts.number(best.fuel)}" in profile
+        assert f"fuel up to {texts.fuel(best.fuel, best)}" in profile
         assert f"at least {texts.clearance(best.clearance_m)}" in profile
         assert sum(a.endswith(f"tightest place of the best route of {season}") for a in labels) == 1
     told = [one for one in page.all("p") if "Padding at the tightest" in one.text]
@@ -173,7 +172,7 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
     assert entry.plan is not None
     from renew import Rejected
 
-    channel = entry.plan.routes[0].channel
+    channel, best = entry.plan.routes[0].channel, entry.measures.routes[0].fuel
     gone = tuple(
         Rejected(name, reason, channel, fuel_source=fuel)
         for name, reason, fuel in (
@@ -189,9 +188,9 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
     assert details.all("summary")[0].flat_text == "3 rejected classes, with reasons"
     header, *rows = ([c.flat_text for c in row.children] for row in details.all("tr"))
     # Lengths in reasons are true metres at every scale (tests/pipeline/geo).
-    assert header == ["Class", "Map", "Reason", "Fuel without padding"]
+    assert header == ["Class", "Map", "Reason", "Above the best, without padding"]
     assert rows == [
-        ["+7 -8", "", "too narrow <b>", "120.0"],
+        ["+7 -8", "", "too narrow <b>", f"+{100 * (120 / best - 1):.1f} %"],
         ["+9", "", "a twin", "–"],
     ]
 
