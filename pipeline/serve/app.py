@@ -351,9 +351,9 @@ def _add_kept(app: FastAPI, plans: Plans) -> None:
 
     @app.get("/api/plan/{identity}/map", response_model=None)
     async def drawn(identity: _Identity) -> Response:
-        """What the page's map draws of a plan, once its state says `has_map`."""
+        """What the page's map draws of a plan, once its `maps` are counted."""
         plan = plans.get(identity)
-        if plan is None or not plan.has_map:
+        if plan is None or not plan.maps:
             return _unknown()
         return FileResponse(plans.map_file(plan), media_type="application/json")
 
@@ -386,7 +386,7 @@ def state_of(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
         "notes": plan.notes,
         "drafts": [] if plan.sides else plan.drafts,
         "sides": plan.sides,
-        "has_map": plan.has_map,
+        "maps": plan.maps,
         "faults": plan.faults,
         "files": plan.files,
         "seconds": round(plan.seconds, 2),

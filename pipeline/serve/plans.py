@@ -297,7 +297,7 @@ _PREPARING = "preparing"
 _KEPT = ".plans"
 # What a file there has of a plan, besides its request.
 _RECORDED = (
-    *("id", "state", "name", "title", "options", "notes", "sides", "has_map", "faults", "files"),
+    *("id", "state", "name", "title", "options", "notes", "sides", "maps", "faults", "files"),
     *("asked_at", "seconds"),
 )
 
@@ -308,7 +308,8 @@ class AskedPlan:
 
     `title` is the user's name for it. `stages` are those begun, in order; `detail` is what happens
     in the last. `drafts` are the ways found while it is planned, and `sides` its routes, before its
-    `files` are written; `is_found` is set once it has sides, or ended.
+    `files` are written; they come again if the region is widened, and `maps` counts what the map
+    draws of them. `is_found` is set once only its files are to be written, or it ended.
     """
 
     request: PlanRequest
@@ -322,7 +323,7 @@ class AskedPlan:
     notes: list[str] = field(default_factory=list)
     drafts: list[list[list[float]]] = field(default_factory=list)
     sides: dict[str, Any] | None = None
-    has_map: bool = False
+    maps: int = 0
     faults: list[str] = field(default_factory=list)
     directory: Path | None = None
     files: list[str] = field(default_factory=list)
@@ -354,7 +355,6 @@ class AskedPlan:
                     self.drafts.append(event["line"])
             case "sides":
                 self.sides = {key: value for key, value in event.items() if key != "event"}
-                self.is_found.set()
             case "failed":
                 self.fail(event["faults"])
             case "done":
@@ -376,6 +376,8 @@ class AskedPlan:
                 self.stages.clear()
                 self.drafts.clear()
             self.stages.append(event["stage"])
+            if event["stage"] == "write":
+                self.is_found.set()
             self.detail = ""
         elif event["status"] == "part":
             self.detail = event["detail"]
@@ -519,13 +521,16 @@ class Plans:
             # It may have been cancelled meanwhile.
             if self._ahead is None if plan is None else plan.state != "waiting":
                 continue
-            job = self._prepare(worker) if plan is None else self._plan(worker, plan)
             name = _PREPARING if plan is None else plan.id
-            work = self._work[name] = asyncio.create_task(job)
+            work = self._work[name] = asyncio.create_task(self._made(worker, plan))
             work.add_done_callback(partial(self._ended, name))
             found = asyncio.create_task(_never() if plan is None else plan.is_found.wait())
             await asyncio.wait([work, found], return_when=asyncio.FIRST_COMPLETED)
             found.cancel()
+            if not worker.is_running:
+                await resting
+                worker, spare = spare, worker
+                resting = asyncio.create_task(self._rested(spare, work))
 
     def _ended(self, name: str, _: asyncio.Task[None]) -> None:
         """Forget a work that ended."""
@@ -537,10 +542,16 @@ class Plans:
         If it can't be started, the plan that needs it tries again, and reports why.
         """
         await asyncio.wait([work])
-        if worker.resident_bytes > _MAX_IDLE_BYTES:
-            worker.kill()
         with contextlib.suppress(PipelineError):
             await worker.start()
+
+    async def _made(self, worker: ServingWorker, plan: AskedPlan | None) -> None:
+        """Plan with a worker, or prepare a voyage; one that has grown large is ended."""
+        try:
+            await (self._prepare(worker) if plan is None else self._plan(worker, plan))
+        finally:
+            if worker.resident_bytes > _MAX_IDLE_BYTES:
+                worker.kill()
 
     async def _plan(self, worker: ServingWorker, plan: AskedPlan) -> None:
         """Plan with a worker; whatever happens, the plan ends."""
@@ -549,7 +560,7 @@ class Plans:
         try:
             async for event in worker.plan(self._asked(plan.options), self._limit_s):
                 if event["event"] == "map":
-                    plan.has_map = self._is_map_kept(plan, event["json"])
+                    plan.maps += self._is_map_kept(plan, event["json"])
                 plan.take(event)
         except PipelineError as error:
             plan.fail(str(error).splitlines())

@@ -40,6 +40,7 @@ from pipeline.model import (
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
+from pipeline.stages.limits import worst_met
 from pipeline.stages.narrow import narrow_stretches
 from renew.inputs.options import MAX_STATIONS, Drift
 from renew.turns.turn_reach import TurnReach
@@ -185,6 +186,7 @@ class _RouteEvaluator:
             filled_share=self._filled_share(route),
             uncharted_share=self._uncharted_share(route),
         )
+        measured = replace(measured, **worst_met(self._case, route))
         least, kept_m = route.least_water, self._case.under_keel_clearance_m
         if least is None or self._case.departure is None:
             return measured

@@ -193,14 +193,14 @@ class Desk {
     this.plan = plan;
     if (plan.state !== before?.state && plan.faults.length) this.form.fault(plan.faults);
     this.show();
-    if (plan.has_map && this.mapped !== plan.id) this.showMap(plan.id);
+    if (plan.maps && this.mapped !== mapName(plan)) this.showMap(plan);
   }
 
   /** Draw what was found in the same water as the report. */
-  async showMap(id) {
-    this.mapped = id;
-    const data = readData(await ask(`/api/plan/${id}/map`));
-    if (this.plan?.id !== id) return;
+  async showMap(plan) {
+    this.mapped = mapName(plan);
+    const data = readData(await ask(`/api/plan/${plan.id}/map`));
+    if (this.plan?.id !== plan.id) return;
     // The first route of a check is the reader's; each other one has a colour and a price of its own.
     const checked = data.seasons.filter((_, s) => this.plan.sides.seasons[s].checked);
     for (const season of checked) season.routes.forEach((one, r) => Object.assign(one, { side: r, isSide: true, price: r ? "" : "yours" }));
@@ -234,7 +234,7 @@ class Desk {
     const warnings = plan.sides ? plan.sides.warnings : [];
     find("#warnings").hidden = !warnings.length;
     find("#warnings").replaceChildren(...warnings.map((one) => make("p", { dir: "auto" }, `Not the current that was asked for. ${one}.`)));
-    this.chart.show(this.chart.drafts, this.mapped === plan.id ? [] : plan.drafts, "way-line draft");
+    this.chart.show(this.chart.drafts, this.mapped === mapName(plan) ? [] : plan.drafts, "way-line draft");
     this.time(plan);
     find("#results").hidden = !plan.files.length;
     find("#results").replaceChildren(...downloads(plan));
@@ -299,11 +299,14 @@ class Desk {
   }
 }
 
+/** A plan may have more than one map: its region may be widened. */
+const mapName = (plan) => `${plan.id} ${plan.maps}`;
+
 function statusText(plan) {
-  const ways = plan.drafts.length ? ` ${plan.drafts.length === 1 ? "One way is" : `${plan.drafts.length} ways are`} found.` : "";
+  const ways = plan.sides && !plan.stages.includes("compare") ? " The sides below are provisional: the region is widened." : plan.drafts.length ? ` ${plan.drafts.length === 1 ? "One way is" : `${plan.drafts.length} ways are`} found, provisional: a better one may follow.` : "";
   switch (plan.state) {
     case "waiting": return plan.before ? `${plan.before === 1 ? "1 voyage" : `${plan.before} voyages`} before yours.` : "Begins at once.";
-    case "running": return plan.sides && plan.stages.at(-1) === "write" ? `All sides are found; the files are being written${plan.detail ? `: ${plan.detail}` : ""}.` : `At work: ${STAGES[plan.stages.at(-1)] || "begins"}${plan.detail ? ` – ${plan.detail}` : ""}.${ways}${ways && " Provisional: a better one may follow."}`;
+    case "running": return plan.sides && plan.stages.at(-1) === "write" ? `All sides are found; the files are being written${plan.detail ? `: ${plan.detail}` : ""}.` : `At work: ${STAGES[plan.stages.at(-1)] || "begins"}${plan.detail ? ` – ${plan.detail}` : ""}.${ways}`;
     case "cancelled": return "Cancelled.";
     case "failed": return "No plan: see the faults above the button.";
     default: return `Planned in ${plan.seconds.toFixed(1)} s.`;

@@ -8,6 +8,8 @@ const BARE_PANES = ["currents", "particles"];
 const SPOT_SHARE = 0.12;
 // Distance within which the labels of two places would overlap, as a share of that side.
 const NEAR_SHARE = 0.05;
+// Share of a line at each end where no price is written.
+const END_SHARE = 0.15;
 // Maximum length of the scale bar, in CSS pixels.
 const SCALE_BAR = 100;
 // Space for the parallels' labels, in CSS pixels: per letter, and beside the label.
@@ -326,11 +328,14 @@ class RouteMap {
   /** Write how much more fuel a route needs than the best, where it is far from the routes of other sides and from what is written. */
   showPrice(season, index) {
     const { routes } = this.data.seasons[season];
-    const { places, excess, price } = routes[index];
+    const { places: all, excess, price } = routes[index];
+    // Not at the ends, which have labels of their own.
+    const places = all.slice(Math.floor(END_SHARE * all.length), Math.ceil((1 - END_SHARE) * all.length));
     const others = routes.filter((one, r) => one.isSide && r !== index).flatMap((one) => one.places);
     const written = this.prices.getLayers().map((label) => label.getLatLng());
     const closest = closestPlace(routes[this.choice.selected]);
     if (closest) written.push(L.latLng(closest));
+    written.push(L.latLng(places[0]), L.latLng(places.at(-1)));
     const apart = places.map(([y, x]) => {
       const beside = written.map(({ lat, lng }) => Math.hypot(lat - y, lng - x) / 4);
       return Math.min(...others.map(([by, bx]) => Math.hypot(by - y, bx - x))) + Math.min(...this.data.size, ...beside);
