@@ -421,8 +421,7 @@ class RunResult:
             for grid in self.fetched.currents
             if not grid.is_stand_in and not grid.is_left_out
         }
-        decided = [note for note in self.fetched.notes if note.is_decision]
-        decided += [note for note in self.choices if note.kind == "waits-for-water"]
+        decided = (note for note in self.fetched.notes if note.is_decision)
         return (*addressed(of_cases(used), self.scenario), *decided)
 
     @property
