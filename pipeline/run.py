@@ -26,7 +26,7 @@ from pipeline.stages.choose import Chosen, choose
 from pipeline.stages.compare import bounds_of_sides, compare
 from pipeline.stages.cover import cover, havens_in
 from pipeline.stages.ends import in_water
-from pipeline.stages.fetch import fetch
+from pipeline.stages.fetch import fetch, with_weather
 from pipeline.stages.plan import plan_cases
 from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.project import projected
@@ -359,6 +359,7 @@ class _Stages:
                 fetched = sailed.data(scenario)
             else:
                 fetched = fetch(scenario, store, offline=self.offline, strict=self.strict)
+            fetched = with_weather(fetched, scenario)
             fetched = fetched if sailed is None else sailed.keyed(scenario, fetched)
             scenario, moved = in_water(scenario, fetched.land)
             fetched = replace(fetched, notes=(*fetched.notes, *moved))

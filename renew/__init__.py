@@ -24,7 +24,14 @@ from renew.inputs.current import (
     UniformCurrent,
     VaryingCurrent,
 )
-from renew.inputs.openings import Haven, LeastWater, ShutArea, TidalArea, TidalDepth
+from renew.inputs.openings import (
+    Haven,
+    LeastWater,
+    OverLimit,
+    ShutArea,
+    TidalArea,
+    TidalDepth,
+)
 from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.planner.near_best import near_best
@@ -65,6 +72,7 @@ __all__ = [
     "HighAndLow",
     "LastTurn",
     "LeastWater",
+    "OverLimit",
     "OverpoweredHours",
     "ParameterError",
     "Plan",

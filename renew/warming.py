@@ -24,6 +24,7 @@ from renew.inputs.current import (
     VaryingCurrent,
     as_field,
 )
+from renew.inputs.openings import OverLimit
 from renew.planner.fit import fitted_along
 from renew.planner.free_ways import CELLS, MARGINS, FreeWays, fine_roadmap
 from renew.planner.plan import planner_of
@@ -47,6 +48,7 @@ _VESSEL = Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 # Its law of fuel is a table.
 _TABLED = Vessel(1.0, math.radians(35), power=((0.8, 0.6), (1.0, 1.0), (1.4, 2.4)), hotel=0.2)
 _GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
+_STORM = OverLimit(box(60.0, 60.0, 75.0, 75.0), 40.0, 200.0, "waves", 2.0)
 
 
 def _as_grid(field: Callable[[Any], Any]) -> GriddedCurrent:
@@ -80,6 +82,7 @@ REHEARSALS: tuple[tuple[str, CurrentLike, dict[str, Any]], ...] = (
         VaryingCurrent([0.0, 400.0], [_GYRE, GyreCurrent(0.6, _SIDE, _SIDE)]),
         {"speed": (0.9, 1.3), "arrive_by": 120.0, "classes": 2},
     ),
+    ("weather over a limit", _GYRE, {"avoid": [_STORM]}),
     ("a power by speed", _GYRE, {"vessel": _TABLED, "speed": (0.9, 1.3), "arrive_by": 120.0}),
     (
         "a power by speed as the current changes",

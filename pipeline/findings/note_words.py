@@ -458,6 +458,17 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "waits-at-anchor": lambda place, begin, until: (
         f"the vessel lies at anchor at {place.text}{_from_until(begin, until, '')}"
     ),
+    "waits-for-water": lambda place, begin, until, fuel: (
+        f"the vessel waits at {place.text}{_from_until(begin, until, '')}, until water ahead opens"
+        + (f": holding its place there takes {text.number(fuel)} of fuel" if fuel else "")
+    ),
+    "limits-unchecked": "{vessel} has limits of waves or wind, and no files were given to hold "
+    "them against (--waves, --wind)",
+    "over-limit": lambda name, limit, unit, most, begin, until: (
+        f"{name} of up to {text.rounded_up(most, 1)} {unit}, over the limit of {limit:g} {unit}, "
+        f"shut{_from_until(begin, until, '')} water beside the way: the routes keep out of it, "
+        "early, on time and late"
+    ),
     "way-shut": "{way} {places:, /3/ and at # more places}",
 }
 """The words of each kind of note."""

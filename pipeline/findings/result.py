@@ -431,9 +431,10 @@ class RunResult:
 
     @property
     def credits(self) -> tuple[model.Credit, ...]:
-        """All sources that were used, each source of currents once, land first."""
-        currents = dict.fromkeys(grid.credit for grid in self.fetched.currents)
-        return (*self.fetched.land.credits, *currents)
+        """All sources that were used, each once, land first."""
+        currents = (grid.credit for grid in self.fetched.currents)
+        weather = self.fetched.weather_credits
+        return (*self.fetched.land.credits, *dict.fromkeys([*currents, *weather]))
 
     @property
     def shoals(self) -> tuple[shapely.Geometry, ...]:

@@ -110,6 +110,7 @@ def provenance(result: RunResult) -> dict[str, object]:
             {"season": grid.case, "valid": grid.valid, **asdict(grid.credit)}
             for grid in result.fetched.currents
         ],
+        "weather_sources": [asdict(credit) for credit in result.fetched.weather_credits],
         "notes": note_texts(result.fetched.notes),
         "command": shlex.join([Path(sys.argv[0]).name, *map(_named, sys.argv[1:])]),
         "code": {"commit": code_commit(), "plan_sha256": code_hash()},

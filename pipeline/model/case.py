@@ -19,11 +19,12 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.coast import shore_to_shore
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
-from pipeline.model.inputs import Note, Place, Zone
+from pipeline.model.inputs import LimitedField, Note, Place, Zone
 from pipeline.scenario.catalogue import PowerSpec, VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season, interval
 from renew.errors import Length
+from renew.request import Request
 from renew.vary.ensemble import Statistic
 
 Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
@@ -190,6 +191,7 @@ class Case:
     departure : beginning of the clock; None if the plan does not depend on the date.
     areas, tidal_depth : areas and tidal water that are shut at times of the clock; the height of
         tide that tidal water needs includes the `under_keel_clearance_m`.
+    weather : wind and waves with a limit; water over it is among the `areas`.
     speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
     members : the currents whose mean is the current.
     lanes : traffic lanes that no route may sail against.
@@ -208,6 +210,7 @@ class Case:
     current_cells: KnownCells | None = None
     departure: datetime | None = None
     areas: tuple[renew.ShutArea, ...] = ()
+    weather: tuple[LimitedField, ...] = ()
     tidal_depth: renew.TidalDepth | None = None
     under_keel_clearance_m: float = 0.0
     speeds: SpeedChoice | None = None
@@ -272,6 +275,12 @@ class Case:
             "arrive_by": None if choice is None else arrive_by_s,
         }
 
+    def request(self, options: renew.PlanOptions) -> Request:
+        """Return the case as a request to the planner, at the vessel's own speed."""
+        ends = self.start, self.goal
+        asked = {name: self.itinerary()[name] for name in ("via", "avoid", "depth")}
+        return Request.of(self.chart, self.current, self.vessel, ends, options=options, **asked)
+
     def planned(self, options: renew.PlanOptions, arrive_by_s: float = math.inf) -> renew.Plan:
         """Plan the case in its current."""
         return renew.plan(
@@ -314,8 +323,10 @@ class Case:
             current=_later_current(self.current, shift_s),
             members=members,
             areas=tuple(
-                renew.ShutArea(one.polygon, one.begin - shift_s, one.end - shift_s, one.name)
-                for one in self.areas
+                replace(one, begin=one.begin - shift_s, end=one.end - shift_s) for one in self.areas
+            ),
+            weather=tuple(
+                replace(field, times_s=field.times_s - shift_s) for field in self.weather
             ),
             tidal_depth=None if depth is None else _later_tides(depth, shift_s),
             departure=None if begin is None else begin + timedelta(seconds=shift_s),

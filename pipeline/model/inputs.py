@@ -359,6 +359,34 @@ class CurrentGrid:
         return (used,) if self.passed_over else ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LimitedField:
+    """Wind or waves (nt, ny, nx) at lon (nx,), lat (ny,) and `times_s` (nt,) since departure.
+
+    `name` is as messages call it; above the `limit`, in its `unit`, the vessel does not go.
+    """
+
+    name: str
+    unit: str
+    limit: float
+    lon: FloatArray
+    lat: FloatArray
+    times_s: FloatArray
+    values: FloatArray
+
+    def at(self, lonlat: FloatArray, times_s: FloatArray) -> FloatArray:
+        """Return the values (n,) at lon/lat (n, 2) and times (n,), s, linear between nodes.
+
+        Beyond the nodes and the times the nearest one's counts.
+        """
+        from scipy.interpolate import RegularGridInterpolator
+
+        axes = (self.times_s, self.lat, self.lon)
+        places = (times_s, lonlat[:, 1], lonlat[:, 0])
+        inside = [np.clip(at, axis[0], axis[-1]) for at, axis in zip(places, axes, strict=True)]
+        return np.asarray(RegularGridInterpolator(axes, self.values)(np.column_stack(inside)))
+
+
 def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray:
     """Interpolate east and north velocity (..., 2), m/s, bilinearly at lon/lat (..., 2).
 
@@ -404,6 +432,7 @@ class Fetched:
         no source has the world's land.
     land_key, current_keys : the keys of the land and of each case's current in the store.
     failures : the reasons why cases have no current, by case.
+    weather : wind and waves by case, and by the keys of their limits; `weather_keys` stand for it.
     """
 
     land: Land
@@ -413,6 +442,14 @@ class Fetched:
     land_key: str = ""
     current_keys: Mapping[str, str] = field(default_factory=dict)
     failures: Mapping[str, str] = field(default_factory=dict)
+    weather: Mapping[str, Mapping[str, CurrentGrid]] = field(default_factory=dict)
+    weather_keys: tuple[object, ...] = ()
+
+    @property
+    def weather_credits(self) -> tuple[Credit, ...]:
+        """The sources of wind and waves, each once."""
+        every = (grid.credit for grids in self.weather.values() for grid in grids.values())
+        return tuple(dict.fromkeys(every))
 
     @property
     def stand_in_notes(self) -> tuple[Note, ...]:

@@ -78,6 +78,9 @@ class RouteMetrics:
     least_water_m, least_water_at : least water under the keel that can be relied on with the tide,
         m, and when it passes there; NaN and None without a tide.
     least_water_early_m, least_water_late_m : least water of a vessel that is early or late, m.
+    worst_wave_m, worst_wave_at, worst_wave_lon, worst_wave_lat, wave_headroom_m : greatest wave
+        height on time, m, when and where (degrees), and what is left to the limit, m; NaN and None
+        without a limit. The same of the wind, m/s.
     members_share : share of the members of the current in which it is the case's best.
     members_mean_fuel, members_p90_fuel, members_cvar90_fuel, members_regret : mean, P90, mean of
         the worst tenth, and largest excess over a member's best route, of its fuel over the
@@ -112,6 +115,16 @@ class RouteMetrics:
     least_water_at: datetime | None = None
     least_water_early_m: float = math.nan
     least_water_late_m: float = math.nan
+    worst_wave_m: float = math.nan
+    worst_wave_at: datetime | None = None
+    worst_wave_lon: float = math.nan
+    worst_wave_lat: float = math.nan
+    wave_headroom_m: float = math.nan
+    worst_wind_m_s: float = math.nan
+    worst_wind_at: datetime | None = None
+    worst_wind_lon: float = math.nan
+    worst_wind_lat: float = math.nan
+    wind_headroom_m_s: float = math.nan
     members_share: float = math.nan
     members_mean_fuel: float = math.nan
     members_p90_fuel: float = math.nan

@@ -427,7 +427,7 @@ def _vessels(spec: CaseSpec, refuse: _Refuse) -> tuple[VesselSpec | None, ...]:
 
 def _seasons(spec: CaseSpec, scenario: Scenario, refuse: _Refuse) -> tuple[Season, ...]:
     """Return the scenario's seasons that the table asks for."""
-    for key in ("via", "avoid", "tide"):
+    for key in ("via", "avoid", "tide", "limits"):
         if getattr(scenario, key):
             refuse(
                 "scenario",

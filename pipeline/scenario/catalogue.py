@@ -26,6 +26,36 @@ _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 _UNNAMED = "vessel"
 
 
+class AgainstCurrent(StrictModel):
+    """Wind against the current: both limits are reached together."""
+
+    wind_m_s: _Figure = Field(examples=[8.0], json_schema_extra=strict.unit("m/s"))
+    """Mean wind at 10 m from which it counts, m/s. Give m/s, above 0."""
+    current_m_s: _Figure = Field(examples=[0.5], json_schema_extra=strict.unit("m/s"))
+    """Component of the current against the direction to which the wind blows, from which it counts,
+    m/s. Give m/s, above 0."""
+
+
+class VesselLimits(StrictModel):
+    """Weather beyond which the vessel does not go."""
+
+    wave_m: _Figure | None = Field(default=None, examples=[1.2], json_schema_extra=strict.unit("m"))
+    """Greatest significant wave height, metres. Give metres above 0, or leave it out."""
+    wind_m_s: _Figure | None = Field(
+        default=None, examples=[12.0], json_schema_extra=strict.unit("m/s")
+    )
+    """Strongest mean wind at 10 m, m/s. Give m/s above 0, or leave it out."""
+    gust_m_s: _Figure | None = Field(
+        default=None, examples=[17.0], json_schema_extra=strict.unit("m/s")
+    )
+    """Strongest gust, m/s, of the files of wind. Give m/s above 0, or leave it out."""
+    wind_against_current: AgainstCurrent | None = Field(
+        default=None, examples=[{"wind_m_s": 8.0, "current_m_s": 0.5}]
+    )
+    """Wind against the current, which raises short and steep waves. Give a table with both limits,
+    or leave it out."""
+
+
 # A watt-hour, joules.
 _WH_J = 3600.0
 
@@ -103,6 +133,9 @@ class VesselSpec(StrictModel):
     fuel_exponent: strict.Positive = Field(default=2.0, le=20)
     """Exponent of the fuel law: fuel per second = coefficient × speed^exponent. Give a number above
     0, at most 20: 2 is the paper's, 3 the propeller law of displacement hulls."""
+    limits: VesselLimits | None = None
+    """Weather in which the vessel does not go; it counts where [limits] names files. Add a
+    [vessel.limits] table, or leave it out."""
     power: PowerSpec | None = None
     """The fuel law in watts, in place of fuel_coefficient and fuel_exponent: fuel is energy then.
     Add a [vessel.power] table ([power] in a vessel's own file), or leave it out."""

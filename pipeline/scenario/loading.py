@@ -98,6 +98,7 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
         *_plane_faults(scenario),
         *_time_faults(scenario),
         *_waiting_faults(scenario),
+        *_limit_faults(scenario),
         *_under_way_faults(scenario),
         *_unknown_sources(scenario),
         *_missing_paths(scenario),
@@ -173,7 +174,31 @@ def _keys_with_hours(scenario: Scenario) -> dict[str, str]:
         keys["[[avoid]]"] = "'from' and 'until'"
     if scenario.tide is not None:
         keys["[tide]"] = "it"
+    if scenario.limits is not None:
+        keys["[limits]"] = "it"
     return keys
+
+
+def _limit_faults(scenario: Scenario) -> Iterator[str]:
+    """Find limits of weather without files, and files without a limit."""
+    spec, limits = scenario.limits, scenario.weather_limits
+    if spec is None:
+        return
+    by_wind = {"wind_m_s", "gust_m_s", "wind_against_current"}
+    by_key = (("waves", "wave_m = 1.2", {"wave_m"}), ("wind", "wind_m_s = 12", by_wind))
+    for key, option, names in by_key:
+        given = [name for name in sorted(names) if getattr(spec, name) is not None]
+        has_limit = any(getattr(limits, name) is not None for name in names)
+        if given and not getattr(spec, key):
+            yield (
+                f"has limits.{given[0]}, but no limits.{key} to hold it against; give files: "
+                f"limits.{key} = ['FILE'] (--{key} FILE)"
+            )
+        if getattr(spec, key) and not has_limit:
+            yield (
+                f"has limits.{key}, and neither [limits] nor the vessel has a limit for it; add "
+                f"limits.{option} (--max-{key.removesuffix('s')}), or leave limits.{key} out"
+            )
 
 
 def _timeless_faults(season: Season) -> Iterator[str]:
@@ -186,8 +211,8 @@ def _timeless_faults(season: Season) -> Iterator[str]:
     if given and not season.is_changing:
         yield (
             f"(season {season.name!r}) has {' and '.join(given)}, which "
-            f"need{'s' * (len(given) == 1)} currents that change, a [tide], or hours in [[avoid]]; "
-            "add time_method = 'changing', or leave them out"
+            f"need{'s' * (len(given) == 1)} currents that change, a [tide], [limits], or hours in "
+            "[[avoid]]; add time_method = 'changing', or leave them out"
             + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
         )
 
@@ -200,12 +225,15 @@ def _waiting_faults(scenario: Scenario) -> Iterator[str]:
             f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
             "waits, or plan the way on from there by itself"
         )
+    if waiting and scenario.limits is not None and scenario.limits.wait_s:
+        yield f"has {waiting[0]} and limits.wait; leave one out, as a plan chooses one wait"
     has_hours = bool(_keys_with_hours(scenario))
     for season in scenario.seasons if waiting else ():
         if season.first_departure is None or not (season.is_changing or has_hours):
             yield (
                 f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
-                "'departure', with a [tide], hours in [[avoid]] or time_method = 'changing', or "
+                "'departure', with a [tide], [limits], hours in [[avoid]] or time_method = "
+                "'changing', or "
                 "leave the wait out"
             )
 

@@ -20,9 +20,9 @@ from pydantic import (
 )
 
 from pipeline.scenario import catalogue, strict
-from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.catalogue import VesselLimits, VesselSpec
 from pipeline.scenario.region import AvoidedArea, ChartSpec, Plane, Region
-from pipeline.scenario.season import Interval, Season, Span, interval, span
+from pipeline.scenario.season import Interval, Season, Span, as_files, interval, span
 from pipeline.scenario.strict import StrictModel
 
 if TYPE_CHECKING:
@@ -101,6 +101,31 @@ class TideSpec(StrictModel):
     def lag_s(self) -> float:
         """Time by which the tide may be early or late, s."""
         return span(self.lag).total_seconds()
+
+
+class LimitsSpec(VesselLimits):
+    """Wind and waves from files, and the limits beyond which the vessel does not go.
+
+    Limits of the vessel in the catalogue count where none is given here.
+    """
+
+    waves: Annotated[tuple[strict.PathText, ...], BeforeValidator(as_files)] = Field(
+        default=(), examples=[["waves.nc"]]
+    )
+    """Files of the significant wave height, NetCDF, Zarr or GRIB. Give paths, or leave it out."""
+    wind: Annotated[tuple[strict.PathText, ...], BeforeValidator(as_files)] = Field(
+        default=(), examples=[["wind.grib"]]
+    )
+    """Files of the wind at 10 m, and of its gusts, NetCDF, Zarr or GRIB. Give paths, or leave it
+    out."""
+    wait: Annotated[Span, AfterValidator(_short_wait)] = "0min"
+    """Longest time for which the vessel may wait at its start, and wherever else it can hold its
+    place, until water opens. Give '30min' or '6h', at most '3d'; with '0min' it never waits."""
+
+    @property
+    def wait_s(self) -> float:
+        """Longest wait, s."""
+        return span(self.wait).total_seconds()
 
 
 class HavensSpec(StrictModel):
@@ -363,6 +388,9 @@ class Scenario(StrictModel):
     tide: TideSpec | None = None
     """The tide over charted depths: water that is too shallow for some hours is then passed in the
     others. Add a [tide] table, or leave it out."""
+    limits: LimitsSpec | None = None
+    """Wind and waves in which the vessel does not go: water is shut while they exceed a limit. Add
+    a [limits] table, or leave it out."""
     havens: HavensSpec | None = None
     """Havens: from where along the best route one of them is reached in time. Add a [havens] table,
     or leave it out."""
@@ -388,6 +416,14 @@ class Scenario(StrictModel):
         if season.speed is None:
             return self.vessel
         return self.vessel.model_copy(update={"speed_m_s": season.speed.most})
+
+    @property
+    def weather_limits(self) -> VesselLimits:
+        """The limits of [limits], and of those that it leaves out the vessel's own."""
+        own, given = self.vessel.limits or VesselLimits(), self.limits or VesselLimits()
+        names = VesselLimits.model_fields
+        asked = {name: getattr(given, name) or getattr(own, name) for name in names}
+        return VesselLimits.model_construct(**asked)
 
     @property
     def fastest_vessel(self) -> VesselSpec:

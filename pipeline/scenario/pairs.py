@@ -19,6 +19,8 @@ OF_THE_SCENARIO: dict[str, Callable[[Scenario], bool]] = {
     "[[avoid]]": lambda asked: bool(asked.avoid),
     "hours in [[avoid]]": lambda asked: any(area.has_hours for area in asked.avoid),
     "a [tide]": lambda asked: asked.tide is not None,
+    "[limits]": lambda asked: asked.limits is not None,
+    "a wait in [limits]": lambda asked: bool(asked.limits and asked.limits.wait_s),
     "[havens]": lambda asked: asked.havens is not None,
     "[under_way]": lambda asked: asked.under_way is not None,
     "via points": lambda asked: bool(asked.via),
@@ -55,14 +57,14 @@ class RefusedPair(NamedTuple):
 
 
 _CHOICES_OF_TIME = ("'departures'", "'arrive_by'", "'speed'")
-_HOURS = ("hours in [[avoid]]", "a [tide]")
+_HOURS = ("hours in [[avoid]]", "a [tide]", "[limits]")
 _AT_TRUE_SCALE = "plan at true scale, scale = 1"
 
 PAIRS = (
     RefusedPair(
         ("a [plane]",),
         (
-            *("[region]", "[[avoid]]", "a [tide]", "[havens]", "[under_way]"),
+            *("[region]", "[[avoid]]", "a [tide]", "[limits]", "[havens]", "[under_way]"),
             "sources in 'currents'",
         ),
         "nothing in a plane lies in lon/lat, and it has neither depths nor sources",
@@ -96,7 +98,7 @@ PAIRS = (
         ("'members'",),
         _HOURS,
         "each member passes at hours of its own",
-        "leave 'members' out, or the hours: 'from' and 'until', or the [tide]",
+        "leave 'members' out, or the hours: 'from' and 'until', the [tide] or the [limits]",
     ),
     RefusedPair(
         ("[havens]",),
@@ -112,14 +114,14 @@ PAIRS = (
         "leave 'adrift' out, and read the hours adrift of each route, or plan in a month's mean",
     ),
     RefusedPair(
-        ("a wait at an anchorage",),
+        ("a wait at an anchorage", "a wait in [limits]"),
         _CHOICES_OF_TIME,
         "the wait leaves a time to choose, each of the others another, and a plan chooses only one",
         "give the season one 'departure' alone, or leave the wait out",
     ),
     RefusedPair(
         ("[under_way]",),
-        ("a wait at an anchorage", *_CHOICES_OF_TIME, "'members'"),
+        ("a wait at an anchorage", "a wait in [limits]", *_CHOICES_OF_TIME, "'members'"),
         "the plan that is sailed has one current, one speed and one departure",
         "plan from here without [under_way]",
     ),

@@ -280,8 +280,8 @@ def _valid_period(valid: str) -> str:
     return valid
 
 
-def _as_files(given: object) -> object:
-    """Turn a text that looks like a path into a group of one file of currents."""
+def as_files(given: object) -> object:
+    """Turn a text that looks like a path into a group of one file."""
     return (given,) if isinstance(given, str) and strict.looks_like_path(given) else given
 
 
@@ -304,7 +304,7 @@ class StreamConstants(StrictModel):
     fit` writes it."""
     residual: Annotated[
         Literal["still"] | Files | None,
-        BeforeValidator(_as_files, json_schema_input_type=str | list[str] | None),
+        BeforeValidator(as_files, json_schema_input_type=str | list[str] | None),
     ] = Field(default=None, examples=["daily.nc"])
     """Current on which the streams run: files of currents without tide, such as daily means, or
     'still'; by default the mean that the file has. Give files, 'still', or leave it out."""
@@ -317,7 +317,7 @@ Currents = Annotated[
     | Annotated[Files, Tag("a list")]
     | Annotated[StreamConstants, Tag("a table")],
     Discriminator(_kind),
-    BeforeValidator(_as_files, json_schema_input_type=str | list[str] | StreamConstants),
+    BeforeValidator(as_files, json_schema_input_type=str | list[str] | StreamConstants),
 ]
 
 

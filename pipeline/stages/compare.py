@@ -25,6 +25,7 @@ from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.canals import canal_notes
 from pipeline.stages.choose import Chosen, in_thread, narrows_notes, room_notes
 from pipeline.stages.lanes import against_lanes
+from pipeline.stages.limits import limit_notes
 from pipeline.stages.places import shut_notes, tide_notes
 
 
@@ -125,6 +126,7 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
             for lane in found.kept_lanes
         ),
         *tide_notes(result.scenario.tide, planned),
+        *limit_notes(result.scenario, planned),
         *waiting_notes(planned),
         *unresolved_strait_notes(result),
         *weak_stream_notes(result),

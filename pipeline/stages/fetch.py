@@ -22,7 +22,7 @@ from pipeline.findings.note_words import note_text
 from pipeline.findings.text import season_text
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, Note, Place
-from pipeline.model.inputs import CurrentSource, LandSource, current_notes
+from pipeline.model.inputs import CurrentSource, LandSource, current_notes, of_cases
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Plane, Region
@@ -115,6 +115,37 @@ def _region_data(scenario: Scenario, fetcher: "Fetcher") -> Fetched:
     )
 
 
+def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
+    """Return the data with wind and waves, as far as the vessel has limits for them.
+
+    Raises
+    ------
+    RequestError
+        The files can't be used; all faults are listed.
+    """
+    if scenario.limits is None or scenario.region is None:
+        return fetched
+    from pipeline.sources.weather import weather_files, weather_grids
+
+    spec, limits, region = scenario.limits, scenario.weather_limits, scenario.region.shape
+    weather, keys = dict[str, dict[str, CurrentGrid]](), list[object]()
+    for season in scenario.seasons:
+        clock = season.model_copy(update={"time_method": "changing"})
+        clock = with_max_hours(clock, scenario)
+        weather[season.name] = weather_grids(spec, limits, region, clock)
+        keys += [source.identity(clock) for _, source in weather_files(spec, limits)]
+    notes = {
+        name: [note for grid in grids.values() for note in grid.notes]
+        for name, grids in weather.items()
+    }
+    return replace(
+        fetched,
+        weather=weather,
+        weather_keys=tuple(keys),
+        notes=(*fetched.notes, *of_cases(notes)),
+    )
+
+
 def with_max_hours(season: Season, scenario: Scenario) -> Season:
     """Set `max_hours` to its default if the case's currents change and it has no limit."""
     if not season.is_changing or season.max_hours is not None:
@@ -125,6 +156,8 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
     apart_m = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
     straight_hours = apart_m / scenario.vessel_in(season).speed_m_s / 3600
     wait = scenario.anchorage[1] if scenario.anchorage else timedelta()
+    if scenario.limits is not None:
+        wait = max(wait, timedelta(seconds=scenario.limits.wait_s))
     hours = _LONGEST_WAY * straight_hours + _DAY_HOURS + wait / timedelta(hours=1)
     hours = min(math.ceil(hours), MAX_HOURS)
     return season.model_copy(update={"max_hours": hours})

@@ -8,6 +8,7 @@ it than both are accurate.
 Fuel is measured by the causes of its gap to the bound, and by what the clock is worth.
 """
 
+import contextlib
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -39,9 +40,9 @@ from pipeline.model import (
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
+from pipeline.stages.limits import worst_met
 from pipeline.stages.narrow import narrow_stretches
 from renew.inputs.options import MAX_STATIONS, Drift
-from renew.planner.near_best import is_known, near_best
 from renew.turns.turn_reach import TurnReach
 from renew.vary.ensemble import STATISTICS
 from renew.voyage.fuel import passage
@@ -99,11 +100,11 @@ def measured(case: Case, result: CaseResult, options: PlannerOptions) -> Measure
 
 def _near_best(case: Case, result: CaseResult) -> shapely.Geometry | None:
     """Return the water of routes that need at most 1 % more fuel than the best; None if unknown."""
-    plan = result.plan
     # A voyage under way begins with a turn that the bound does not know.
-    if plan is None or case.before is not None or not is_known(plan):
-        return None
-    return near_best(plan)
+    if result.plan is not None and case.before is None:
+        with contextlib.suppress(renew.ParameterError):
+            return renew.near_best(result.plan)
+    return None
 
 
 ADRIFT_S = 72 * 3600.0
@@ -185,6 +186,7 @@ class _RouteEvaluator:
             filled_share=self._filled_share(route),
             uncharted_share=self._uncharted_share(route),
         )
+        measured = replace(measured, **worst_met(self._case, route))
         least, kept_m = route.least_water, self._case.under_keel_clearance_m
         if least is None or self._case.departure is None:
             return measured

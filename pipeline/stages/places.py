@@ -289,7 +289,7 @@ def shut_notes(planned: Iterable[tuple[Case, CaseResult]]) -> tuple[Note, ...]:
         for case, result in planned
         if result.plan is not None
         for area in result.plan.shut
-        if isinstance(area, renew.ShutArea)
+        if isinstance(area, renew.ShutArea) and not isinstance(area, renew.OverLimit)
     )
 
 

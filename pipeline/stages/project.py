@@ -38,6 +38,7 @@ from pipeline.scenario.season import MembersSpec
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.lanes import kept_lanes
+from pipeline.stages.limits import FlowAt, limited_fields, over_limits
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,
@@ -87,7 +88,14 @@ def projected(
         return tuple(replace(case, before=before) for case in made)
 
     speeds = [SpeedChoice.of(season) for season in scenario.seasons]
-    inputs = land.key, dict(fetched.current_keys), scene_inputs(scenario), speeds
+    inputs: tuple[object, ...] = (
+        land.key,
+        dict(fetched.current_keys),
+        scene_inputs(scenario),
+        speeds,
+    )
+    if fetched.weather:
+        inputs = *inputs, scenario.weather_limits.model_dump(), fetched.weather_keys
     return store.artefact("project", tuple, inputs, make)
 
 
@@ -98,7 +106,7 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     members = [season.members for season in scenario.seasons]
     if any(members):
         inputs |= {"members": members, "seed": scenario.planner.seed}
-    if not scenario.avoid and scenario.tide is None:
+    if not scenario.avoid and scenario.tide is None and scenario.limits is None:
         return inputs
     clocks = {season.name: season.first_departure for season in scenario.seasons}
     tide = None if scenario.tide is None else (scenario.tide, stations_of(scenario.tide))
@@ -121,7 +129,11 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
     grids = {grid.case: grid for grid in fetched.currents}
     shut = shut_polygons(scenario.avoid, fetched.land.zones, water.projection)
     tide = tidal_depth(scenario.tide, scenario.chart, fetched.land, simplified, water)
-    has_hours = scenario.tide is not None or any(area.has_hours for area in scenario.avoid)
+    has_hours = (
+        scenario.tide is not None
+        or scenario.limits is not None
+        or any(area.has_hours for area in scenario.avoid)
+    )
     stops = planar_stops(scenario, water)
     cases = []
     for season in scenario.seasons:
@@ -132,6 +144,8 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
             current: Current = plane_current(season, water.chart.extent)
         else:
             current = planar_current(grid, water.projection, water.chart.bounds)
+        grids_of = fetched.weather.get(season.name, {})
+        weather = limited_fields(grids_of, scenario.weather_limits, _flow_of(water, current))
         vessel = planner_vessel(scenario.vessel_in(season))
         depends_on_date = season.is_changing or season.speed is not None or has_hours
         cases.append(
@@ -145,7 +159,11 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                 via=stops[1:-1],
                 current_cells=None if grid is None else grid.cells,
                 departure=season.first_departure if depends_on_date else None,
-                areas=shut_areas(shut, season.first_departure),
+                areas=(
+                    *shut_areas(shut, season.first_departure),
+                    *over_limits(weather, water.projection, water.chart.extent),
+                ),
+                weather=weather,
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
                 speeds=SpeedChoice.of(season),
@@ -155,6 +173,16 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
             )
         )
     return tuple(cases)
+
+
+def _flow_of(water: Water, current: Current) -> FlowAt:
+    """Return the current, east and north, at lon/lat and a time."""
+
+    def flow(lonlat: FloatArray, time: float) -> FloatArray:
+        points = water.projection.to_plane(lonlat)
+        return water.projection.rotate_to_lonlat(lonlat, current.velocity(points, time))
+
+    return flow
 
 
 def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Water:

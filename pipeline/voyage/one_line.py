@@ -83,6 +83,11 @@ def go(
     depths: Path | None = None,
     datum: str = "",
     tide: Sequence[str | Path] = (),
+    waves: Sequence[str | Path] = (),
+    max_wave: str = "",
+    wind: Sequence[str | Path] = (),
+    max_wind: str = "",
+    wait: str = "",
     members: str = "",
     name: str = "",
     output: Path = Path("outputs"),
@@ -195,7 +200,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     notes = tuple(
         place.note for place in places if place.note and (is_doubtful or not place.either_order)
     )
-    if request.until and request.is_still and not request.tide:
+    has_hours = request.tide or request.waves or request.wind
+    if request.until and request.is_still and not has_hours:
         notes += (
             "in still water no later departure needs less fuel: the vessel leaves at the first",
         )
@@ -244,6 +250,13 @@ def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
         avoid=list(request.avoid),
         havens=request.havens and {"path": str(request.havens), **limits},
         tide=request.tide and {"stations": list(request.tide)},
+        limits=_given(
+            waves=list(map(str, request.waves)),
+            wave_m=request.max_wave,
+            wind=list(map(str, request.wind)),
+            wind_m_s=request.max_wind,
+            wait=request.wait,
+        ),
     )
 
 
@@ -253,7 +266,8 @@ def _seasons(request: VoyageRequest, ends: tuple[Position, Position]) -> Iterato
         yield _changing_season(request)
         return
     # With a tide over the depths the departure is chosen within a window, also in a steady current.
-    when = _window(request) if request.tide else _passage(request)
+    has_hours = request.tide or request.waves or request.wind
+    when = _window(request) if has_hours else _passage(request)
     if not request.months:
         yield {"name": STILL, "title": "Still water", "currents": [STILL], **when}
     for month in request.months:
@@ -304,7 +318,7 @@ def _changing_season(request: VoyageRequest) -> dict[str, Any]:
     if request.until is not None:
         title = f"Departure from {moment_text(begin)} to {moment_text(request.until)}"
         within = min((request.until - begin) * _PROVEN_SHARE, _MAX_PROVEN)
-        if not request.chooses_speeds and not request.tide:
+        if not (request.chooses_speeds or request.tide or request.waves or request.wind):
             when["to_within"] = f"{math.ceil(within / _MINUTE)}min"
     return {
         "name": departure_name(begin),

@@ -74,6 +74,11 @@ def dimension_m(text: str) -> float:
     return _positive(text, length_m)
 
 
+def above_0_m_s(text: str) -> float:
+    """Read a speed of wind, m/s."""
+    return _positive(text, speed_m_s)
+
+
 def _positive(text: str, reader: Callable[[str], float]) -> float:
     """Read a figure above 0."""
     figure = reader(text)

@@ -15,6 +15,7 @@ from pipeline.errors import RequestError
 from pipeline.voyage.positions import EXAMPLES, Position, read_end, read_position, read_stop
 from pipeline.voyage.readers import (
     RANGE,
+    above_0_m_s,
     described_file,
     dimension_m,
     read_charts,
@@ -46,6 +47,7 @@ SNAP_M = 500.0
 _MAX_VIA = 20
 _MAX_MONTHS = 12
 _MAX_FILES = 32
+_FIELDS = "give a NetCDF, Zarr or GRIB file"
 _vessel, _when, _water, _limits, _output = (
     partial(Option, group=group) for group in ("Vessel", "When", "Water", "Limits", "Output")
 )
@@ -235,6 +237,59 @@ class VoyageRequest:
             help="Time under way for which there is fuel at departure, as 2d; needs {havens}.",
         ),
     ] = ""
+    waves: Annotated[
+        tuple[Path, ...],
+        _limits(
+            kind="file",
+            read=each(readable(_FIELDS)),
+            most=_MAX_FILES,
+            metavar="FILE",
+            label="Wave heights, files",
+            help="Files of the significant wave height, NetCDF, Zarr or GRIB; may be repeated. "
+            "Water is shut while they are over {max_wave}; needs {depart}.",
+        ),
+    ] = ()
+    max_wave: Annotated[
+        float | None,
+        _limits(
+            read=dimension_m,
+            label="Highest waves",
+            example="1.2m",
+            help="Greatest significant wave height in which the vessel goes, as 1.2m; by default "
+            "that of the vessel. Needs {waves}.",
+        ),
+    ] = None
+    wind: Annotated[
+        tuple[Path, ...],
+        _limits(
+            kind="file",
+            read=each(readable(_FIELDS)),
+            most=_MAX_FILES,
+            metavar="FILE",
+            label="Wind, files",
+            help="Files of the wind at 10 m, NetCDF, Zarr or GRIB; may be repeated. Water is shut "
+            "while it is over {max_wind}; needs {depart}.",
+        ),
+    ] = ()
+    max_wind: Annotated[
+        float | None,
+        _limits(
+            read=above_0_m_s,
+            label="Strongest wind",
+            example="12m/s",
+            help="Strongest mean wind in which the vessel goes, as 12m/s or 25kn; by default that "
+            "of the vessel. Needs {wind}.",
+        ),
+    ] = None
+    wait: Annotated[
+        str,
+        _limits(
+            label="Longest wait for water to open",
+            example="1d",
+            help="Longest time to wait at the start, and wherever else the vessel can hold its "
+            "place, until {waves} or {wind} open water, as 6h or 1d; never if left out.",
+        ),
+    ] = ""
     clearance_m: Annotated[
         float | None,
         _limits(
@@ -391,7 +446,8 @@ class VoyageRequest:
     @property
     def is_steady(self) -> bool:
         """Whether the currents are monthly means or none, whether or not a departure is given."""
-        has_months = bool(self.chooses_speeds or self.tide) and bool(self.months)
+        has_hours = self.tide or self.waves or self.wind
+        has_months = bool(self.chooses_speeds or has_hours) and bool(self.months)
         return self.depart is None or self.is_still or has_months
 
 
@@ -471,8 +527,10 @@ def _faults_of_times(
                 f"{getattr(at, name)} {getattr(asked, name)} is not after {at.depart} "
                 f"{asked.depart}; give a later time"
             )
-    if asked.tide and not asked.depart:
-        yield f"{at.tide} counts from the departure; add {at.depart} 2026-07-01T06:00Z"
+    for name in ("tide", "waves", "wind"):
+        if getattr(asked, name) and not asked.depart:
+            option = getattr(at, name)
+            yield f"{option} counts from the departure; add {at.depart} 2026-07-01T06:00Z"
 
 
 def _faults_of_months(
@@ -480,7 +538,7 @@ def _faults_of_months(
 ) -> Iterator[str]:
     """Yield what is wrong between times and currents."""
     is_still = tuple(map(str, asked.currents or ())) == STILL_WATER
-    needs_time = is_range or asked.tide
+    needs_time = is_range or asked.tide or asked.waves or asked.wind
     if asked.depart and asked.months and not needs_time:
         yield f"{at.depart} and {at.months} both say when; leave one out"
     if asked.until and is_range and asked.months:
@@ -513,6 +571,11 @@ def _faults_of_files(
     power = vessel and vessel.power
     if asked.havens and not limits and not (power and power.usable_j):
         yield f"{at.havens} needs a limit; add {at.within} 6h or {at.endurance} 2d, or both"
+    for limit, file in (("max_wave", "waves"), ("max_wind", "wind")):
+        if getattr(asked, limit) and not getattr(asked, file):
+            yield f"{getattr(at, limit)} needs a forecast; add {getattr(at, file)} FILE"
+    if asked.wait and not (asked.waves or asked.wind):
+        yield f"{at.wait} waits for weather; add {at.waves} FILE or {at.wind} FILE"
     if asked.current_variables and not asked.currents:
         yield f"{at.current_variables} are those of files; add {at.currents} FILE"
     if asked.datum and not asked.charts and not asked.depths:

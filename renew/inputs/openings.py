@@ -57,6 +57,10 @@ class Opening(ABC):
         """Whether it is shut at some time between each `begin` and `end` (n,), s."""
 
     @abstractmethod
+    def hours(self, begin: float, end: float) -> FloatArray:
+        """Return its spells (n, 2), s, in which it is shut, at least those from begin to end."""
+
+    @abstractmethod
     def text(self, departure: float) -> Text:
         """Name it with its hours, for a message on a voyage from `departure` (s)."""
 
@@ -106,12 +110,37 @@ class ShutArea(Opening):
         """Whether it is shut at some time between each `begin` and `end` (n,), s."""
         return np.asarray((begin < self.end) & (end > self.begin))
 
+    def hours(self, begin: float, end: float) -> FloatArray:  # noqa: ARG002 - as of a tidal area
+        """Return the one spell (1, 2), s, in which it is shut."""
+        return np.array([[self.begin, self.end]])
+
     def text(self, departure: float) -> Text:  # noqa: ARG002 - as of a tidal area
         """The area with its hours, for a message on a voyage from `departure` (s)."""
         name = Text(f"area {self.name!r}" if self.name else "an area")
         if self.is_always_shut:
             return Text("{0}, always shut", (name,))
         return Text("{0}, which is shut{1}", (name, from_until(self.begin, self.end)))
+
+
+@dataclass(frozen=True, eq=False)
+class OverLimit(ShutArea):
+    """Water where wind or waves exceed the vessel's limit for some hours; its name says which.
+
+    `most` is their largest value there in these hours, in a `unit`: "m" or "m/s"; infinite where
+    they are not known.
+    """
+
+    most: float = math.inf
+    unit: str = "m"
+
+    def text(self, departure: float) -> Text:  # noqa: ARG002 - as of a tidal area
+        """The water with its hours, for a message on a voyage from `departure` (s)."""
+        hours = from_until(self.begin, self.end)
+        if math.isinf(self.most):
+            return Text(f"water whose {self.name} are not known{{0}}", (hours,))
+        # Rounded up, so that it is never said to be at its limit.
+        most = math.ceil(10 * self.most) / 10
+        return Text(f"water with {self.name} of up to {most:.1f} {self.unit}{{0}}", (hours,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +230,10 @@ class TidalArea(Opening):
             for low in self.tide.too_low(self.need, float(begin.min()), float(end.max())):
                 shut |= (begin < low[1]) & (end > low[0])
         return shut
+
+    def hours(self, begin: float, end: float) -> FloatArray:
+        """Return the spells (n, 2), s, of too little water that overlap `begin` to `end` (s)."""
+        return self.tide.too_low(self.need, begin, end)
 
     def text(self, departure: float) -> Text:
         """The area with its next hours of enough water, for a voyage from `departure` (s)."""

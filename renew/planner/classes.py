@@ -392,18 +392,12 @@ class ClassSearch:
         problem, water = self._planner.problem, self._planner.problem.adrift_water
         if water is None:
             return
-        free = problem.without_adrift
-        ends, planner = (problem.voyage.start, problem.voyage.goal), ClassPlanner(free)
+        free, ends = problem.without_adrift, (problem.voyage.start, problem.voyage.goal)
+        others = ClassSearch(ClassPlanner(free))
         for channel in free.scout(problem.likely_width).by_rays(self._rays).channels(classes):
             if channel.word not in self.found | self.rejected:
                 error = water.reason(channel.rough_path(*ends))
-                self.rejected[channel.word] = Rejected(
-                    homotopy=channel.name,
-                    reason=str(error),
-                    channel=free.triangulation.corners[channel.triangles],
-                    cause=error,
-                    fuel_source=partial(planner.unpadded_fuel, channel),
-                )
+                self.rejected[channel.word] = others.rejected_for(channel, error)
 
     def rejected_for(self, channel: Channel, error: InfeasibleError) -> Rejected:
         """Return the rejected class, the reason, and the hours when a current shuts its way."""

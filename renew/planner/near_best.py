@@ -49,7 +49,12 @@ def near_best(plan: Plan, excess: float = 0.01) -> shapely.Geometry:
     if not (is_finite(excess) and excess > 0):
         raise ParameterError(f"excess = {shown(excess)} must be a share above 0, as in 0.01")
     voyage = plan.best.fuel_bound.source
-    if not isinstance(voyage, Voyage) or not is_known(plan):
+    if (
+        not isinstance(voyage, Voyage)
+        or not voyage.current.is_steady
+        or len(voyage.via)
+        or voyage.has_price
+    ):
         raise ParameterError(
             "the water near the best route is known in steady currents only, without via points "
             "or chosen speeds, and before the plan was pickled; plan such a voyage"
@@ -68,14 +73,6 @@ def near_best(plan: Plan, excess: float = 0.01) -> shapely.Geometry:
         if not counts.any() or 4 * counts.sum() > _MOST_CELLS:
             return shapely.intersection(voyage.chart.open_water, _united(grid.x, grid.y, counts))
         grid, counts = halved(voyage, grid, counts)
-
-
-def is_known(plan: Plan) -> bool:
-    """Whether the water near a plan's best route can be found."""
-    voyage = plan.best.fuel_bound.source
-    if not isinstance(voyage, Voyage):
-        return False
-    return voyage.current.is_steady and not len(voyage.via) and not voyage.has_price
 
 
 def _united(x: FloatArray, y: FloatArray, cells: BoolArray) -> shapely.Geometry:

@@ -19,8 +19,9 @@ from typing import TypeVar, cast
 
 import numpy as np
 import shapely
+from shapely import Polygon
 
-from renew._types import FloatArray
+from renew._types import FloatArray, IntArray
 from renew.errors import (
     GoalInNoGoError,
     InfeasibleError,
@@ -32,8 +33,9 @@ from renew.errors import (
     from_until,
 )
 from renew.inputs.chart_and_vessel import Vessel
-from renew.inputs.openings import Opening, polygons_of
+from renew.inputs.openings import Opening, OverLimit, polygons_of
 from renew.planner.classes import no_class_error, plan_classes
+from renew.planner.clock_way import TimedWay, clock_way
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import (
     Problem,
@@ -68,7 +70,8 @@ def plan_request(request: Request) -> Plan:
             raise no_class_error(plan.rejected, planner)
         return plan, planner
 
-    return plan_around(request.areas, plan_with)
+    beside = _plan_past_weather(request)
+    return plan_around(request.areas, plan_with) if beside is None else beside
 
 
 def or_with_shortfall(request: Request, plan: Callable[[Request], _T]) -> _T:
@@ -133,18 +136,13 @@ def meetings(
     if not areas:
         return {}
     voyage = planner.problem.voyage.leaving(float(route.times[0]))
-    tree = shapely.STRtree([area.polygon for area in areas])
     found = dict[Opening, InfeasibleError]()
     for line, times in (
         (route.path, route.times),
         (route.trajectory[:, 1:3], route.trajectory[:, 0]),
     ):
         points, passed = _densified(line, times, _spacing(line, voyage.vessel))
-        far = np.full(len(points), planner.options.min_width)
-        if planner.options.is_adaptive:
-            far = planner.problem.reach(points)
-        legs = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
-        leg, which = tree.query(legs, predicate="dwithin", distance=np.maximum(far[:-1], far[1:]))
+        leg, which = _near(points, areas, planner)
         early, late = voyage.early_and_late(passed)
         begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
         for at in np.unique(which).tolist():
@@ -158,6 +156,149 @@ def meetings(
                     from_until(float(begin[met].min()), float(end[met].max())),
                 )
     return {area: found[area] for area in areas if area in found}
+
+
+def _near(
+    points: FloatArray, areas: Sequence[Opening], planner: ClassPlanner
+) -> tuple[IntArray, IntArray]:
+    """Return the legs between points (n, 2), m, from which a turn may reach an area, with these."""
+    far = np.full(len(points), planner.options.min_width)
+    if planner.options.is_adaptive:
+        far = planner.problem.reach(points)
+    tree = shapely.STRtree([area.polygon for area in areas])
+    legs = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+    leg, which = tree.query(legs, predicate="dwithin", distance=np.maximum(far[:-1], far[1:]))
+    return leg, which
+
+
+def first_clear(
+    route: Route, areas: Sequence[Opening], planner: ClassPlanner, delays: FloatArray
+) -> float | None:
+    """Return the first of some delays (s) with which a route's path meets no shut area, or None."""
+    voyage, (line, times) = planner.problem.voyage, (route.path, route.times)
+    spacing = _spacing(line, voyage.vessel)
+    leg, which = _near(_densified(line, times, spacing)[0], areas, planner)
+    order = np.argsort(which, kind="stable")
+    groups = np.split(leg[order], np.flatnonzero(np.diff(which[order])) + 1)
+    met = list(zip(np.unique(which).tolist(), groups, strict=False))
+    for delay in delays.tolist():
+        later = voyage.leaving(float(times[0]) + delay)
+        _, passed = _densified(line, later.arrivals(line), spacing)
+        if not np.isfinite(passed).all():
+            return None
+        early, late = later.early_and_late(passed)
+        begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
+        if not any(areas[at].is_shut(begin[near], end[near]).any() for at, near in met):
+            return float(delay)
+    return None
+
+
+def shut_on_the_way(
+    request: Request, departure: float, met: Collection[Opening]
+) -> frozenset[Opening]:
+    """Return what is shut beside the way that arrives first, if weather was met; or nothing."""
+    if not any(isinstance(area, OverLimit) for area in met):
+        return frozenset()
+    planner = planner_of(request)
+    planner = planner.for_problem(planner.problem.leaving(departure))
+    way = clock_way(planner, request.areas, 0.0)
+    return frozenset() if way is None else way.passing(request.areas, planner.problem.voyage)
+
+
+def _plan_past_weather(request: Request) -> Plan | None:
+    """Return a plan past wind and waves over a limit, without a wait; None if none is found so.
+
+    Cells of a storm are many, and shut at other hours each: closed for good, one after the other,
+    they would shut much that is open when the vessel comes there.
+    """
+    if not any(isinstance(area, OverLimit) for area in request.areas):
+        return None
+    planner = planner_of(request)
+    check_current_at_endpoints(planner.problem.voyage)
+    plan = plan_classes(planner, planner.options.classes)
+    if not plan.routes:
+        return None
+    kept, met = without_meeting(plan, request.areas, planner)
+    if not met:
+        return kept
+    way = clock_way(planner, request.areas, 0.0)
+    beside = None if way is None else plan_beside(request, way, np.zeros(1))
+    if not kept.routes or (beside is not None and beside.best.fuel < kept.best.fuel):
+        return beside
+    cheaper = (area for area in request.areas if met.get(area, math.inf) < kept.best.fuel)
+    return replace(kept, shut=tuple(cheaper))
+
+
+# Largest number of plans beside a way: each closes what the one before met, or what is shut beside
+# its own route. The gain (s) in arrival from which there is another.
+_ROUNDS = 5
+_GAIN = 1.0
+
+
+def plan_beside(request: Request, way: TimedWay, delays: FloatArray) -> Plan | None:
+    """Plan beside a way that leads past areas with hours; None without a route.
+
+    Where the plan arrives later than the way, it is made again in the water close to the way alone:
+    a path that leaves the way is elsewhere at other hours.
+    """
+    found = _plan_along(request, way, delays)
+    if found is not None and found.best.times[-1] <= way.arrive[-1]:
+        return found
+    outside = request.chart.extent.difference(way.tube(request.chart))
+    polygons = [part for part in shapely.get_parts(outside) if isinstance(part, Polygon)]
+    chart = request.chart.without(polygons, is_land=False)
+    close = _plan_along(replace(request, chart=chart, like=None), way, delays)
+    if close is None or (found is not None and found.best.times[-1] <= close.best.times[-1]):
+        return found
+    return close
+
+
+def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | None:
+    """Plan with the areas closed that are shut when a way passes beside them; None without a route.
+
+    The path is a little shorter than the way, and would come too early where an area opens: the
+    departure is the request's after the first of some `delays` (s) with which it meets no area. The
+    route found is then taken as the way, as it passes at better known hours.
+    """
+    best: Plan | None = None
+    closed = way.passing(request.areas, planner_of(request).problem.voyage)
+    tried = set[frozenset[Opening]]()
+    while closed not in tried and len(tried) < _ROUNDS:
+        tried.add(closed)
+        try:
+            planner = planner_of(request, closed)
+            plan = plan_classes(planner, planner.options.classes)
+        except PlanningError:
+            break
+        if not plan.routes:
+            break
+        others = [area for area in request.areas if area not in closed]
+        latest = math.inf if best is None else best.best.times[-1] - _GAIN
+        later = first_clear(plan.best, others, planner, delays)
+        if later is not None and later > 0 and plan.best.times[-1] + later < latest:
+            leaving = planner.problem.leaving(planner.problem.voyage.departure + later)
+            at = planner.for_problem(leaving)
+            delayed, _ = without_meeting(plan_classes(at, planner.options.classes), others, at)
+            best = _earlier(best, delayed, closed, request)
+        kept, met = without_meeting(plan, others, planner)
+        best = _earlier(best, kept, closed, request)
+        if kept.routes and kept.best.times[-1] <= plan.best.times[-1] + _GAIN:
+            way = TimedWay.along(kept.best.path, kept.best.times)
+            closed = way.passing(request.areas, planner.problem.voyage)
+        else:
+            closed |= frozenset(met)
+    return best
+
+
+def _earlier(
+    best: Plan | None, plan: Plan, closed: Collection[Opening], request: Request
+) -> Plan | None:
+    """Return the plan that arrives earlier; the new one with what was closed in it."""
+    if not plan.routes:
+        return best
+    if best is not None and best.best.times[-1] <= plan.best.times[-1]:
+        return best
+    return replace(plan, shut=tuple(area for area in request.areas if area in closed))
 
 
 def _spacing(line: FloatArray, vessel: Vessel) -> float:

@@ -55,7 +55,13 @@ from renew.inputs.openings import Opening
 from renew.planner.classes import ClassSearch, no_class_error
 from renew.planner.fit import as_drawn
 from renew.planner.one_class import ClassPath, ClassPlanner, fuel_estimate
-from renew.planner.plan import meetings, planner_of, unavoidable, without_meeting
+from renew.planner.plan import (
+    meetings,
+    planner_of,
+    shut_on_the_way,
+    unavoidable,
+    without_meeting,
+)
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request
 from renew.results import Departures, Plan, Rejected
@@ -144,7 +150,7 @@ def sailing_at(request: Request, departure: float) -> Sailing:
             met = frozenset(meetings(sailing.planner.route(sailing.found), others, sailing.planner))
         if not met:
             return replace(sailing, closed=closed)
-        closed |= met
+        closed |= met | (shut_on_the_way(request, departure, met) if not closed else frozenset())
 
 
 def all_classes_at(request: Request, sailing: Sailing) -> tuple[Plan, Sailing]:

@@ -34,8 +34,9 @@ _APART = 2.0
 # Number of pieces of the greatest drift, if the table is finer: with half of them, too, no
 # place of drawn waters was missed.
 _PIECES = 16
-# Share of the greatest drift by which water is widened: the tracks' errors are far below it.
-_WIDER = 0.005
+# Share of the greatest drift by which land and water are widened, and simplified within that: the
+# tracks' errors are far below it.
+_WIDER = 0.0025
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +88,10 @@ class Drift:
     def water_within(self, limit: float) -> shapely.Geometry:
         """Return the water from which a steady current carries a vessel to land within a limit (s).
 
-        It is all water that the shore sweeps over as it is carried backwards for that time: a
-        vessel meets land where the current runs into it, and the way back from there leads past
-        every place from which it is met. So no lattice can miss a tongue of it, and its edges are
-        as sharp as the time jumps. It is wider by a hundredth of the greatest drift, at most.
+        It is all water that the shore sweeps over as it is carried backwards for that time: the
+        way back from where a vessel meets land leads past every place from which it is met there.
+        So no lattice can miss a tongue of it, and its edges are as sharp as the time jumps. It is
+        wider by a hundredth of the greatest drift, at most.
         """
         reach = limit * self.table.strongest / float(self.chart.metres.min())
         cells = np.concatenate([np.diff(self.table.x), np.diff(self.table.y)])
@@ -99,9 +100,15 @@ class Drift:
         piece = max(piece, reach / _PIECES)
         if not (len(self.land) and reach > 0):
             return shapely.MultiPolygon()
-        begin, end = self._carrying(piece).swapaxes(0, 1)
+        wider = _WIDER * reach
+        begin, end = self._onto_land(wider, piece).swapaxes(0, 1)
         pieces = max(4, math.ceil(reach / piece))
-        hulls = list[shapely.Geometry]()
+        # Between the simpler shore and the shore itself no water is left.
+        along = end - begin
+        aside = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        aside *= 4 * wider / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+        corners = np.stack([begin, end, begin + aside, end + aside], axis=1)
+        hulls = list[shapely.Geometry](shapely.convex_hull(shapely.multipoints(corners)))
         for left in reversed(range(_HALVINGS + 1)):
             one, other = (self._backwards(ends, limit, pieces) for ends in (begin, end))
             apart = np.linalg.norm(one - other, axis=2).max(axis=0) > _APART * piece
@@ -115,23 +122,22 @@ class Drift:
             end = np.concatenate([middle, end[~done]])
         flat = np.array(hulls, dtype=object)
         water = shapely.union_all(flat[shapely.area(flat) > 0])
-        wider = _WIDER * reach
         return shapely.simplify(shapely.buffer(water, wider, quad_segs=2), wider)
 
-    def _carrying(self, piece: float) -> FloatArray:
-        """Return pieces (n, 2, 2) of the shore at which the current runs onto land."""
-        merged = shapely.union_all(np.array(self.land, dtype=object))
-        lines = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(merged)))
-        points, ring = shapely.get_coordinates(shapely.segmentize(lines, piece), return_index=True)
-        edges = np.stack([points[:-1], points[1:]], axis=1)[np.diff(ring) == 0]
+    def _onto_land(self, wider: float, piece: float) -> FloatArray:
+        """Return pieces (n, 2, 2), m, of a simpler shore, up to twice `wider` m off land.
+
+        Only pieces are wanted on which the current runs onto land.
+        """
+        land = shapely.buffer(np.array(self.land, dtype=object), wider, quad_segs=2)
+        simple = shapely.orient_polygons(shapely.simplify(shapely.union_all(land), wider))
+        edges = edges_of(shapely.get_parts(shapely.segmentize(simple, piece)).tolist())
         # Land is on the left of its outline.
-        ahead = edges[:, 1] - edges[:, 0]
-        across = [
-            ahead[:, 0] * velocity[:, 1] - ahead[:, 1] * velocity[:, 0]
-            for share in (0.0, 0.5, 1.0)
-            for velocity in [self._velocity(edges[:, 0] + share * ahead)]
-        ]
-        return np.asarray(edges[np.max(across, axis=0) > 0])
+        along = np.diff(edges, axis=1)
+        places = edges[:, :1] + np.array([0.0, 0.5, 1.0])[:, None] * along
+        velocity = self._velocity(places.reshape(-1, 2)).reshape(places.shape)
+        left = along[..., 0] * velocity[..., 1] - along[..., 1] * velocity[..., 0]
+        return np.asarray(edges[left.max(axis=1) > 0])
 
     def _velocity(self, points: FloatArray) -> FloatArray:
         """Return the steady current at points (n, 2), in metres of the plane per second."""

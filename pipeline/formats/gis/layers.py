@@ -27,7 +27,7 @@ from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text, os_error
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text
-from pipeline.model import Zone
+from pipeline.model import Case, Zone
 
 _TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
 
@@ -253,6 +253,37 @@ def _tidal_water(result: RunResult) -> GeoDataFrame:
             for case, area in areas
         ],
     )
+
+
+def _over_limit(result: RunResult) -> GeoDataFrame:
+    """Return water where wind or waves are over a limit, with the hours of each case's voyage."""
+    areas = [
+        (case.name, case.case, area)
+        for case in result.cases
+        if case.planned is not None
+        for area in case.planned.areas
+        if isinstance(area, renew.OverLimit) and math.isfinite(area.most)
+    ]
+    return rows_frame(
+        to_lonlat(result, [area.polygon for *_, area in areas], ZONE_STEP_M),
+        [
+            {
+                "season": name,
+                "name": area.name,
+                "worst": area.most,
+                "unit": area.unit,
+                "shut_hours": _shut_hours(case, area),
+            }
+            for name, case, area in areas
+        ],
+    )
+
+
+def _shut_hours(case: Case, area: renew.OverLimit) -> str:
+    """Write from when until when an area is shut: "always", or a time on either side."""
+    ends = case.moment(area.begin), case.moment(area.end)
+    spelled = [moment_text(one) if isinstance(one, datetime) else "" for one in ends]
+    return " to ".join(spelled) if any(spelled) else "always"
 
 
 def _open_hours(case: RunCase, area: renew.TidalArea) -> str:
@@ -579,6 +610,7 @@ FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "chart_areas": chart_areas,
     "depth_areas": depth_areas,
     "tidal_water": _tidal_water,
+    "over_limit": _over_limit,
     "no_go": no_go,
     "soft_no_go": _soft_no_go,
     "near_best": _near_best,

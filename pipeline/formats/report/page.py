@@ -158,6 +158,7 @@ def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
     return (
         *(("Land", credit) for credit in result.fetched.land.credits),
         *((f"Currents, {', '.join(of)}", credit) for credit, of in titles.items()),
+        *(("Wind and waves", credit) for credit in result.fetched.weather_credits),
     )
 
 

@@ -1,5 +1,6 @@
 """The water of nearly best routes: nobody gets from start to goal nearly as cheaply outside it."""
 
+import contextlib
 import pickle
 
 import numpy as np
@@ -55,9 +56,11 @@ def test_an_adversary_finds_no_nearly_best_route_outside_it(seed: int) -> None:
     plan = renew.plan(chart, current, VESSEL, *ends, classes=4)
     tried = 0
     for place in outside(renew.near_best(plan), chart, 12):
-        via = renew.plan(chart, current, VESSEL, *ends, via=[place], padding="none", classes=1)
-        tried += 1
-        assert via.best.fuel > 1.01 * plan.best.fuel
+        # Beside land there may be no room to turn.
+        with contextlib.suppress(renew.UnreachableError):
+            via = renew.plan(chart, current, VESSEL, *ends, via=[place], padding="none", classes=1)
+            tried += 1
+            assert via.best.fuel > 1.01 * plan.best.fuel
     assert tried >= 4
 
 

@@ -335,6 +335,7 @@ class RouteMap {
     const written = this.prices.getLayers().map((label) => label.getLatLng());
     const closest = closestPlace(routes[this.choice.selected]);
     if (closest) written.push(L.latLng(closest));
+    written.push(L.latLng(places[0]), L.latLng(places.at(-1)));
     const apart = places.map(([y, x]) => {
       const beside = written.map(({ lat, lng }) => Math.hypot(lat - y, lng - x) / 4);
       return Math.min(...others.map(([by, bx]) => Math.hypot(by - y, bx - x))) + Math.min(...this.data.size, ...beside);

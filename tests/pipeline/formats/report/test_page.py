@@ -184,7 +184,7 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
     plan = replace(entry.plan, rejected=gone)
     changed = replace(result, results=(replace(entry, plan=plan), *others))
     page = Page(render(gather(changed)))
-    [_, details] = page.all("details")
+    (details,) = page.with_class("fallen")
     assert details.all("summary")[0].flat_text == "3 rejected classes, with reasons"
     header, *rows = ([c.flat_text for c in row.children] for row in details.all("tr"))
     # Lengths in reasons are true metres at every scale (tests/pipeline/geo).

@@ -1,0 +1,212 @@
+"""Wind and waves over a limit: water shut for hours, waits, figures, notes; or one clear line."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+import xarray as xr
+from scipy.interpolate import RegularGridInterpolator
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.errors import RequestError
+from pipeline.findings.note_words import note_texts
+from pipeline.geo.projection import Projection
+from pipeline.model import CurrentGrid
+from pipeline.model.inputs import Credit
+from pipeline.run import Outcome, run
+from pipeline.scenario.catalogue import VesselLimits
+from pipeline.scenario.loading import parse_scenario
+from pipeline.stages.limits import limited_fields, over_limits
+from tests.pipeline.sources.cf.grib_files import write_grib
+from tests.pipeline.stages.test_avoided_areas import ISLAND
+
+LON, LAT = np.arange(-40.15, -39.84, 0.025), np.arange(34.90, 35.16, 0.025)
+HOURS = np.arange(0, 13)
+BEGIN = np.datetime64("2026-11-22T06:00", "ns")
+DEPARTURE = "2026-11-22T06:20:00Z"
+
+
+def waves(*, worst: float, until: int = 4, everywhere: bool = False) -> xr.Dataset:
+    """A sea of half a metre, and higher waves across the way in the first hours."""
+    height = np.full((HOURS.size, LAT.size, LON.size), 0.5)
+    across = np.abs(LON + 40.0) < (1.0 if everywhere else 0.03)
+    height[:until, :, across] = worst
+    axes = {
+        "time": BEGIN + HOURS.astype("timedelta64[h]").astype("timedelta64[ns]"),
+        "latitude": ("latitude", LAT, {"units": "degrees_north"}),
+        "longitude": ("longitude", LON, {"units": "degrees_east"}),
+    }
+    about = {"units": "m", "standard_name": "sea_surface_wave_significant_height"}
+    return xr.Dataset({"swh": (("time", "latitude", "longitude"), height, about)}, axes)
+
+
+def scenario_data(folder: Path, **asked: object) -> dict[str, Any]:
+    (folder / "island.geojson").write_text(shapely.to_geojson(ISLAND))
+    return {
+        "schema_version": 1,
+        "name": "weather",
+        "start": [-40.06, 35.0],
+        "goal": [-39.94, 35.0],
+        "vessel": {"length_m": 12.0, "speed_m_s": 4.1, "turn_rate_deg_s": 11.8},
+        "region": {"bbox": [-40.09, 34.95, -39.91, 35.10]},
+        "chart": {"source": {"path": "island.geojson", "accuracy_m": 10}},
+        "planner": {"classes": 2},
+        "seasons": [{"name": "still", "currents": ["still"], "departure": DEPARTURE}],
+        **asked,
+    }
+
+
+def ran(folder: Path, limits: dict[str, Any] | None, **asked: object) -> Outcome:
+    given = {} if limits is None else {"limits": limits}
+    scenario = parse_scenario(scenario_data(folder, **given, **asked), folder)
+    return run(scenario, folder / "outputs")
+
+
+def test_a_vessel_waits_at_its_start_until_the_waves_are_low_enough(tmp_path: Path) -> None:
+    waves(worst=2.1).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
+    outcome = ran(tmp_path, {"waves": ["waves.nc"], "wave_m": 1.2, "wait": "12h"})
+    assert outcome.exit_code == 0
+    with (outcome.directory / "metrics.csv").open(newline="") as file:
+        row = next(csv.DictReader(file))
+    assert float(row["worst_wave_m"]) <= 1.2
+    assert float(row["wave_headroom_m"]) == pytest.approx(1.2 - float(row["worst_wave_m"]))
+    text = " ".join(note_texts(outcome.result.choices))
+    assert "the vessel waits at" in text
+    assert "until water ahead opens" in text
+    # Shut until 10:00, and an hour late counts as well as early: it comes there after 11:00.
+    departure = outcome.scenario.seasons[0].departure
+    assert departure is not None
+    assert f"{departure:%H:%M}" >= "10:30"
+    shut = geopandas.read_file(outcome.directory / "routes.gpkg", layer="over_limit")
+    assert (shut.worst == 2.1).all()
+    assert shut.shut_hours.str.contains("2026-11-22 10:00 UTC").any()
+
+
+def test_without_a_wait_the_reason_has_the_hours_and_the_height(tmp_path: Path) -> None:
+    waves(worst=2.1).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
+    scenario = parse_scenario(
+        scenario_data(tmp_path, limits={"waves": ["waves.nc"], "wave_m": 1.2}), tmp_path
+    )
+    with pytest.raises(RequestError) as refused:
+        run(scenario, tmp_path / "outputs")
+    assert "water with waves of up to 2.1 m" in str(refused.value)
+    assert "until 2026-11-22 10:00 UTC" in str(refused.value)
+
+
+def test_a_limit_that_is_never_reached_gives_the_plan_without_it(tmp_path: Path) -> None:
+    waves(worst=1.1).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
+    with_limit = ran(tmp_path, {"waves": ["waves.nc"], "wave_m": 1.2, "wait": "12h"})
+    without = ran(tmp_path, None)
+    for one, other in zip(with_limit.result.routes, without.result.routes, strict=True):
+        np.testing.assert_array_equal(one.route.trajectory, other.route.trajectory)
+        assert one.route.fuel == other.route.fuel
+        assert one.route.fuel_bound.value == other.route.fuel_bound.value
+
+
+def test_grib_and_netcdf_give_the_same_areas(tmp_path: Path) -> None:
+    data = waves(worst=2.125)
+    data.to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
+    write_grib(tmp_path / "waves.grb", data, 2)
+    plans = [
+        ran(tmp_path, {"waves": [name], "wave_m": 1.2, "wait": "12h"}).result.routes
+        for name in ("waves.nc", "waves.grb")
+    ]
+    for one, other in zip(*plans, strict=True):
+        np.testing.assert_array_equal(one.route.trajectory, other.route.trajectory)
+
+
+def test_limits_without_files_and_files_without_limits_are_refused(tmp_path: Path) -> None:
+    for limits, said in (
+        ({"wave_m": 1.2}, r"has limits.wave_m, but no limits.waves"),
+        ({"waves": ["w.nc"]}, r"has limits.waves, and neither \[limits\] nor the vessel"),
+    ):
+        with pytest.raises(RequestError, match=said):
+            parse_scenario(scenario_data(tmp_path, limits=limits), tmp_path)
+    seasons = [{"name": "still", "currents": ["still"]}]
+    given: dict[str, object] = {"waves": ["w.nc"], "wave_m": 1.2}
+    with pytest.raises(RequestError, match=r"no 'departure', from which the hours of \[limits\]"):
+        parse_scenario(scenario_data(tmp_path, limits=given, seasons=seasons), tmp_path)
+
+
+def field(values: FloatArray) -> CurrentGrid:
+    """Values (nt, ny, nx) as a source gives them."""
+    lon, lat = np.linspace(10.0, 11.0, values.shape[2]), np.linspace(50.0, 50.6, values.shape[1])
+    times = np.arange(0.0, 3600.0 * values.shape[0], 3600.0)
+    about = Credit("test", "current", "", "")
+    zero = np.zeros_like(values)
+    return CurrentGrid("one", lon, lat, values, zero, "", about, times_s=times)
+
+
+@pytest.mark.parametrize("size", [12, 130])
+def test_in_open_water_no_value_between_nodes_and_hours_is_over_the_limit(size: int) -> None:
+    """Also where cells of a fine field are joined; held against an interpolation of its own."""
+    rng = np.random.default_rng(size)
+    x, y = np.linspace(0, 1, size), np.linspace(0, 1, size)
+    values = np.array(
+        [
+            2.5 * np.exp(-(((x[None] - 0.1 * k) ** 2 + (y[:, None] - 0.5) ** 2) / 0.03))
+            for k in range(8)
+        ]
+    )
+    values += rng.uniform(0, 0.2, values.shape)
+    grid = field(values)
+    (limited,) = limited_fields({"wave_m": grid}, VesselLimits(wave_m=1.2), lambda at, _: 0 * at)
+    projection = Projection.for_region(shapely.box(10, 50, 11, 50.6), 1.0, None)
+    extent = shapely.Polygon(
+        projection.to_plane(
+            np.array([[10.02, 50.02], [10.98, 50.02], [10.98, 50.58], [10.02, 50.58]])
+        )
+    )
+    areas = list(over_limits([limited], projection, extent))
+    known = [area for area in areas if np.isfinite(area.most)]
+    (unknown,) = (area for area in areas if not np.isfinite(area.most))
+    assert unknown.begin == 7 * 3600.0
+    assert len(known) < 12_000
+    places = np.column_stack([rng.uniform(10.02, 10.98, 20_000), rng.uniform(50.02, 50.58, 20_000)])
+    times = rng.uniform(0, 7 * 3600.0, len(places))
+    truth = RegularGridInterpolator((grid.times_s, grid.lat, grid.lon), values)
+    over = truth(np.column_stack([times, places[:, 1], places[:, 0]])) > 1.2
+    tree = shapely.STRtree([area.polygon for area in known])
+    point, area = tree.query(shapely.points(projection.to_plane(places)), predicate="intersects")
+    begin, end = (np.array([getattr(one, name) for one in known]) for name in ("begin", "end"))
+    now = times[point]
+    shut = np.zeros(len(places), dtype=bool)
+    shut[point[(begin[area] <= now) & (now <= end[area])]] = True
+    assert over.sum() > 500
+    assert not (over & ~shut).any()
+    assert shut.mean() < over.mean() + 0.35
+
+
+def test_wind_counts_against_the_current_only_where_the_two_are_opposed() -> None:
+    """A wind from the west over a current that runs west in the south, and east in the north."""
+    values = np.full((3, 9, 9), 9.0)
+    grid = field(values)
+    limits = VesselLimits.model_validate(
+        {"wind_against_current": {"wind_m_s": 8.0, "current_m_s": 0.5}}
+    )
+
+    def flow(lonlat: FloatArray, time: float) -> FloatArray:
+        del time
+        east = np.where(lonlat[..., 1] < 50.3, -0.7, 0.7)
+        return np.stack([east, np.zeros_like(east)], axis=-1)
+
+    (limited,) = limited_fields({"wind_against_current": grid}, limits, flow)
+    south = limited.values[:, limited.lat < 50.29]
+    north = limited.values[:, limited.lat > 50.31]
+    assert (south > limited.limit).all()
+    assert not north.any()
+
+
+def test_a_case_with_a_later_clock_keeps_its_weather() -> None:
+    area = renew.OverLimit(ISLAND, 600.0, 1200.0, "waves", 2.1, "m")
+    later = replace(area, begin=area.begin - 500.0, end=area.end - 500.0)
+    assert isinstance(later, renew.OverLimit)
+    assert (later.begin, later.end, later.most) == (100.0, 700.0, 2.1)
