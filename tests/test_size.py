@@ -18,7 +18,7 @@ ROOMS = {
     "renew": (1_501, 28),
     "pipeline": (1_139, 13),
     "pipeline/cli": (2_740, 6),
-    "pipeline/findings": (4_001, 18),
+    "pipeline/findings": (4_000, 18),
     "pipeline/formats": (7_786, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
