@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from pipeline._types import FloatArray
-from pipeline.errors import LateFaults, NoWayError, PipelineError, StageError
+from pipeline.errors import (
+    LateFaults,
+    NoWayError,
+    PipelineError,
+    RequestError,
+    StageError,
+)
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
 from pipeline.findings.text import clearance, environment, fuel, season_name, season_text
@@ -284,16 +290,23 @@ class _Stages:
         """
         self.on_event(Event("choose", "part", detail="the region"))
         region = chosen_region(asked, self.store, offline=self.offline)
+        failed: NoWayError | None = None
         for openings in range(MAX_WIDENINGS + 1):
             try:
                 made = self._in_region(region.complete(asked), region.notes)
                 break
             except NoWayError as error:
+                failed = error
                 opened = opened_region(region) if openings < MAX_WIDENINGS else None
                 if opened is None:
                     canals = note_texts(canal_notes(asked.start, asked.goal, None))
                     raise NoWayError([*error.faults, *canals]) from error
                 region = opened
+            except RequestError as error:
+                # Files of wind or waves may not reach as far as a wider region.
+                if failed is None:
+                    raise
+                raise failed from error
         for _ in range(MAX_WIDENINGS):
             wider = None
             with self.late.kept("the choice of a wider region"):

@@ -152,12 +152,14 @@ DECIDED = frozenset(
         "level-assumed",
         "level-by-name",
         "margin-narrowed",
+        "over-limit",
         "pair-taken",
         "steps-read",
         "still-water",
         "stop-moved",
         "time-assumed",
         "unit-assumed",
+        "waits-for-water",
         "zeros-are-land",
     }
 )
@@ -168,7 +170,7 @@ They stand directly below the answer, and in every output that has a place for t
 
 NOT_KNOWN = frozenset(
     {
-        *("against-lane", "canal-left-out", "energy-short"),
+        *("against-lane", "canal-left-out", "energy-short", "limits-unchecked"),
         *("narrow-stretch", "strait-unresolved", "streams-weak"),
     }
 )

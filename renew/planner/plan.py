@@ -386,9 +386,11 @@ def unavoidable(
     around = Text("")
     if failure is not None and not isinstance(failure, (StartInNoGoError, GoalInNoGoError)):
         around = Text("; around them: {0}", ((causes[0] if causes else failure).text,))
+    is_weather = any(isinstance(area, OverLimit) for area in closed)
+    otherwise = "the vessel wait (wait in [limits])" if is_weather else "the area be entered"
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
-        "the area be entered",
+        f"{otherwise}",
         Text.joined("; ", texts),
         around,
     )

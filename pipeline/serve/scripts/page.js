@@ -137,7 +137,8 @@ class Desk {
     this.form.fault([]);
     const asked = performance.now();
     const earlier = this.plan;
-    if (earlier && LIVE.has(earlier.state)) ask(`/api/plan/${earlier.id}`, "DELETE").catch(() => {});
+    // One whose files are being written keeps nobody waiting.
+    if (earlier && LIVE.has(earlier.state) && earlier.stages.at(-1) !== "write") ask(`/api/plan/${earlier.id}`, "DELETE").catch(() => {});
     this.stale(true);
     try {
       const plan = await ask("/api/plan", "POST", JSON.stringify(this.form.read()));
