@@ -319,6 +319,8 @@ class RouteMap {
     if (!route) return;
     this.halo.setLatLngs(route.places).bringToFront();
     this.routes[season][selected].setStyle(ROUTE_SELECTED).bringToFront();
+    // Under the pointer routes are drawn again, and what marks them stays above.
+    this.marked.eachLayer((line) => line.bringToFront());
   }
 
   isHovered(season, index) {
