@@ -301,10 +301,13 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     done = ended(
         *renew("go", "120.30,12.80", "116.80,7.70", "--vessel", "usv-7m", "--month", "2024-07"),
         "--offline",
+        "--verbose",
         cwd=tmp_path,
         env=os.environ | NO_ACCOUNT | {"PYTHONPATH": str(ROOT)},
     )
     assert done.returncode == 0, done.stderr
+    assert "\nGo WEST of Palawan, 684 km (369 NM), 38.0 h, " in done.stdout
+    assert "! Current of 2020-06-17, not 2024-07: Embedded table" in done.stdout
     assert "region 116." in done.stdout
     assert "offing of 69" in done.stdout
     assert "planned on Embedded table of surface currents around Palawan" in done.stdout
