@@ -34,7 +34,7 @@ ROOMS = {
     "renew/inputs": (2_280, 24),
     "renew/kernels": (2_392, 19),
     "renew/paths": (1_854, 9),
-    "renew/planner": (4_266, 16),
+    "renew/planner": (4_269, 16),
     "renew/steering": (896, 1),
     "renew/turns": (1_663, 13),
     "renew/underway": (2_277, 13),

@@ -142,17 +142,20 @@ def meetings(
         (route.trajectory[:, 1:3], route.trajectory[:, 0]),
     ):
         points, passed = _densified(line, times, _spacing(line, voyage.vessel))
-        leg, which = _near(points, areas, planner)
         early, late = voyage.early_and_late(passed)
         begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
+        # Most of many areas, such as the cells of a wind, are open all the way.
+        all_way = np.array([begin.min()]), np.array([end.max()])
+        shut = [area for area in areas if area.is_shut(*all_way)[0]]
+        leg, which = _near(points, shut, planner)
         for at in np.unique(which).tolist():
             near = np.sort(leg[which == at])
-            met = near[areas[at].is_shut(begin[near], end[near])]
-            if len(met) and areas[at] not in found:
-                found[areas[at]] = InfeasibleError(
+            met = near[shut[at].is_shut(begin[near], end[near])]
+            if len(met) and shut[at] not in found:
+                found[shut[at]] = InfeasibleError(
                     "near {0} the vessel, or a turn that it begins, may be in {1},{2}",
                     points[met[0]],
-                    areas[at].text(voyage.departure),
+                    shut[at].text(voyage.departure),
                     from_until(float(begin[met].min()), float(end[met].max())),
                 )
     return {area: found[area] for area in areas if area in found}
