@@ -304,7 +304,7 @@ class _Stages:
                 region = opened
             except RequestError as error:
                 # Files of wind or waves may not reach as far as a wider region.
-                if failed is None:
+                if failed is None or asked.limits is None:
                     raise
                 raise failed from error
         for _ in range(MAX_WIDENINGS):

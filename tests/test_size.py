@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_501, 28),
     "pipeline": (1_139, 13),
-    "pipeline/cli": (2_740, 6),
+    "pipeline/cli": (2_752, 6),
     "pipeline/findings": (4_000, 18),
     "pipeline/formats": (7_786, 14),
     "pipeline/geo": (854, 4),

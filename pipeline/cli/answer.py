@@ -22,6 +22,16 @@ _NAUTICAL_MILE_M = 1852.0
 _ANSWERS = frozenset(
     {"departure-chosen", "departure-in-mean", "speeds-chosen", "how-sure", "replanned"}
 )
+# Kinds of notes that only say how the plan was made: they stand with `--verbose`, as choices.
+_PLAIN = frozenset(
+    {
+        *("chart-no-go", "current-changes", "current-lacking", "currents-end", "departures-asked"),
+        *("departures-planned", "departures-refined", "depths-no-go", "land-not-cached"),
+        *("levels-relied-on", "margin-raised", "offing-chosen", "region-chosen", "region-opened"),
+        *("region-widened", "room-kept", "source-passed-over", "steps-are-means"),
+        *("streams-on-residual", "tidal-streams", "tide-relied-on", "unit-converted"),
+    }
+)
 _LEAVE = re.compile(r"^Leave at [^:]+:\d\d(:\d\d)? UTC: ")
 _SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 # Largest number of doubts that are printed without `--verbose`; the others are counted.
@@ -167,8 +177,10 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
         "current-unknown",
         *["still-water"] * bool(lacking),
     }
-    guesses = [note for note in dict.fromkeys(result.decisions) if note.kind not in told]
-    yield from note_texts([note for note in (*guesses, *others) if note.kind not in told])
+    told |= _ANSWERS | _PLAIN
+    every = dict.fromkeys((*result.decisions, *others, *result.fetched.notes))
+    said = {*told_before}
+    yield from note_texts([note for note in every if note.kind not in told and note not in said])
 
 
 def _crossed(outcome: Outcome) -> list[Note]:

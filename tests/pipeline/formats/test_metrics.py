@@ -19,9 +19,10 @@ def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
     assert len(rows) == len(rows_of(result))
     # Passages are in the file as one text.
     names = {column: COLUMNS[column].attribute for column in figure_columns("csv")}
-    assert set(names.values()) - {"way", "main_passage"} == {
-        field.name for field in fields(RouteMetrics)
-    } - {"passages"}
+    computed = {"way", "main_passage", "energy_wh", "left_wh"}
+    assert set(names.values()) - computed == {field.name for field in fields(RouteMetrics)} - {
+        *("passages", "still_fuel", "energy")
+    }
     for row, metrics in zip(rows, rows_of(result), strict=True):
         for column, name in names.items():
             value = getattr(metrics, name)

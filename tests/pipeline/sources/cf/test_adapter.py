@@ -243,7 +243,7 @@ def test_a_run_on_a_file_gives_its_credit(
 ) -> None:
     shutil.copytree(across_outputs, tmp_path / "outputs")
     path = write(tmp_path / "field.nc", dataset(palawan, names=("ugos", "vgos"), standard=("", "")))
-    code, errors, notes = run(tmp_path)
+    code, errors, notes = run(tmp_path, SCENARIO, "--verbose")
     assert (code, errors) == (0, [])
     assert "note: the currents are geostrophic" in notes
     manifest = json.loads((tmp_path / "outputs" / "mine" / "manifest.json").read_text())
