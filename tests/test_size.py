@@ -17,9 +17,9 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_501, 28),
     "pipeline": (1_139, 13),
-    "pipeline/cli": (2_752, 6),
-    "pipeline/findings": (4_000, 18),
-    "pipeline/formats": (7_786, 14),
+    "pipeline/cli": (2_746, 6),
+    "pipeline/findings": (4_002, 18),
+    "pipeline/formats": (7_787, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),
     "pipeline/model": (1_599, 37),

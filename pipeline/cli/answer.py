@@ -6,13 +6,11 @@ from collections.abc import Iterator, Sequence
 from pipeline.cli.terminal import table, wrapped
 from pipeline.findings import text
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RankedRoute, RunCase
+from pipeline.findings.result import DEAR, RankedRoute, RunCase
 from pipeline.findings.sentences import case_facts
 from pipeline.model import Note
 from pipeline.run import Outcome
 
-# A side that needs more than this share more fuel than the best is not listed.
-_DEAR = 0.25
 # Difference of fuel from still water, as a share, below which it counts as none.
 _AS_IN_STILL = 5e-3
 # If the longest route is shorter than this, lengths are in metres, not kilometres.
@@ -32,6 +30,13 @@ _PLAIN = frozenset(
         *("streams-on-residual", "tidal-streams", "tide-relied-on", "unit-converted"),
     }
 )
+# Kinds of notes for which there is a line of their own among the doubts.
+_TOLD = frozenset(
+    {
+        *("current-stands-in", "current-unknown", "current-used", "energy-short"),
+        *("narrow-stretch", "second-shoreline"),
+    }
+)
 _LEAVE = re.compile(r"^Leave at [^:]+:\d\d(:\d\d)? UTC: ")
 _SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 # Largest number of doubts that are printed without `--verbose`; the others are counted.
@@ -42,10 +47,9 @@ def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False)
     """Return the text that a run prints.
 
     First the title, which says the places of a voyage as they were read; for each case the way to
-    take, why, and how sure that is; then a table with the best
-    route on each side of the main island, without sides that are much dearer; then a line for each
-    doubt. With `verbose` the reasons, choices and places follow. Lines are broken at `width`, in
-    characters, if it is given.
+    take, why, and how sure that is; then a table with the best route on each side of the main
+    island, without sides that are much dearer; then a line for each doubt. With `verbose` the
+    reasons, choices and places follow. Lines are broken at `width`, in characters, if it is given.
     """
     result = outcome.result
     lines = [outcome.scenario.title or outcome.scenario.name]
@@ -116,14 +120,14 @@ def _sides(outcome: Outcome, width: int | None) -> list[str]:
             if row.main_passage in seen:
                 continue
             seen.add(row.main_passage)
-            if row.fuel > (1 + _DEAR) * case.routes[0].metrics.fuel:
+            if row.fuel > (1 + DEAR) * case.routes[0].metrics.fuel:
                 dear += 1
             else:
                 rows.append(_row(ranked, unit))
     left = 2 if several else 1
     lines = table([row if several else row[1:] for row in rows], left, width)
     if dear:
-        lines.append(f"{text.count(dear, 'side', 'sides')} more, at least {_DEAR:.0%} dearer")
+        lines.append(f"{text.count(dear, 'side', 'sides')} more, at least {DEAR:.0%} dearer")
     return lines
 
 
@@ -160,8 +164,7 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     for case in result.cases:
         met = [one.metrics for one in case.routes if one.rank == 1 and one.metrics.collisions]
         yield from (text.turns_text(row) for row in met if not case.narrow(1))
-    short = [note for note in result.unknowns if note.kind == "energy-short"]
-    yield from note_texts(short)
+    yield from note_texts(note for note in result.unknowns if note.kind == "energy-short")
     lacking = [case.name for case in result.cases if case.lacks_current]
     if lacking:
         yield f"current NOT known{_of(lacking, outcome)}; nothing is proven for the real one"
@@ -169,18 +172,9 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     if crossed and 1 not in over:
         routes = f"route{'s' * (len(over) > 1)} {', '.join(map(str, sorted(over)))}"
         yield f"{routes}: over land of another shoreline (places: --verbose)"
-    told_before = (*crossed, *result.narrow_notes, *short)
-    others = [note for note in result.unknowns if note not in told_before]
-    told = {
-        "current-used",
-        "current-stands-in",
-        "current-unknown",
-        *["still-water"] * bool(lacking),
-    }
-    told |= _ANSWERS | _PLAIN
-    every = dict.fromkeys((*result.decisions, *others, *result.fetched.notes))
-    said = {*told_before}
-    yield from note_texts([note for note in every if note.kind not in told and note not in said])
+    told = {*_ANSWERS, *_PLAIN, *_TOLD, *["still-water"] * bool(lacking)}
+    every = dict.fromkeys((*result.decisions, *result.unknowns, *result.fetched.notes))
+    yield from note_texts(note for note in every if note.kind not in told)
 
 
 def _crossed(outcome: Outcome) -> list[Note]:
@@ -249,7 +243,7 @@ def _used(outcome: Outcome) -> list[str]:
 
 
 def _turns(outcome: Outcome) -> list[str]:
-    """Say how many simulated hard-over turns met no-go areas, for the best route on each side."""
+    """Say how many simulated hard-over turns met no-go areas, for each route."""
     return [
         f"{text.season_name(one.case.name)}, route {one.rank}: {text.turns_text(one.metrics)}"
         for one in outcome.result.routes

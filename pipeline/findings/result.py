@@ -96,6 +96,8 @@ def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
 
 # Distance, planar metres, within which a point of a route lies on a stretch of it.
 _ON_LINE = 1e-3
+DEAR = 0.25
+"""A route that needs more than this share more fuel than the best is folded where routes stand."""
 MAX_STRAITS = 10
 """Largest number of straits that a report lists, those that save most first."""
 

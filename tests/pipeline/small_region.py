@@ -15,3 +15,19 @@ goal = [118.60, 10.30]
 [region]
 bbox = [118.3, 9.3, 119.2, 10.4]
 """
+
+
+def with_stand_in(name: str) -> str:
+    """Return a scenario as TOML that prefers a source of currents which needs the network."""
+    return (
+        small_region(name)
+        + """[chart]
+tolerance_m = 500
+[[seasons]]
+name = "summer"
+valid = "2024-07"
+currents = ["copernicus-glorys-monthly", "embedded-palawan"]
+[planner]
+classes = 1
+"""
+    )

@@ -11,20 +11,8 @@ import eccodes
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from tests.commands import ran
-from tests.pipeline.small_region import small_region
+from tests.pipeline.small_region import with_stand_in
 
-TEXT = (
-    small_region("said")
-    + """[chart]
-tolerance_m = 500
-[[seasons]]
-name = "summer"
-valid = "2024-07"
-currents = ["copernicus-glorys-monthly", "embedded-palawan"]
-[planner]
-classes = 1
-"""
-)
 DATE = "2020-06-17"
 WITHOUT_TEXT = {".waypoints"}
 """Formats that have no place for a text."""
@@ -47,7 +35,7 @@ def said(path: Path) -> str:
 
 def test_every_output_names_the_current_and_its_date(tmp_path: Path, across_outputs: Path) -> None:
     file = tmp_path / "said.toml"
-    file.write_text(TEXT, encoding="utf-8")
+    file.write_text(with_stand_in("said"), encoding="utf-8")
     outcome = run(load_scenario(str(file)), across_outputs, offline=True)
     paths = [path for path in outcome.directory.iterdir() if path.suffix not in WITHOUT_TEXT]
     assert {".csv", ".gpx", ".gpkg", ".grb", ".html", ".json", ".kml", ".nc", ".rtz"} <= {

@@ -20,7 +20,7 @@ from pipeline._types import FloatArray
 from pipeline.findings import choices, text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import MAX_STRAITS, RankedRoute, RunCase, RunResult, addressed
+from pipeline.findings.result import DEAR, MAX_STRAITS, RankedRoute, RunCase, RunResult, addressed
 from pipeline.findings.sentences import case_facts
 from pipeline.findings.text import environment
 from pipeline.formats import appearance
@@ -131,6 +131,7 @@ def gather(result: RunResult) -> dict[str, Any]:
             if not result.scenario.is_planar
             and (one.metrics.filled_share > 0 or one.metrics.uncharted_share > 0)
         ],
+        "dear": DEAR,
         "has_crossings": any(case.measures.shore_crossings for case in result.cases),
         "is_narrow": any(case.measures.narrow for case in result.cases),
         "has_near_best": any(case.measures.near_best is not None for case in result.cases),

@@ -21,7 +21,7 @@ from pipeline.run import Event, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from tests.pipeline.small_plane import small_plane
-from tests.pipeline.small_region import small_region
+from tests.pipeline.small_region import with_stand_in
 
 
 def test_a_line_says_what_is_at_work_until_the_run_ends(
@@ -91,25 +91,11 @@ def test_where_no_terminal_is_and_no_json_is_asked_for_lines_are_plain_text(
 # --- What was planned on other currents than the preferred ones says so first, or not at all ---
 
 
-TEXT = (
-    small_region("stand-in")
-    + """[chart]
-tolerance_m = 500
-[[seasons]]
-name = "summer"
-valid = "2024-07"
-currents = ["copernicus-glorys-monthly", "embedded-palawan"]
-[planner]
-classes = 1
-"""
-)
-
-
 @pytest.fixture
 def file(tmp_path: Path) -> str:
     """Return the path of a scenario that prefers a source which needs the network."""
     path = tmp_path / "across.toml"
-    path.write_text(TEXT, encoding="utf-8")
+    path.write_text(with_stand_in("stand-in"), encoding="utf-8")
     return str(path)
 
 
