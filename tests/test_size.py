@@ -17,8 +17,8 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_501, 28),
     "pipeline": (1_139, 13),
-    "pipeline/cli": (2_746, 6),
-    "pipeline/findings": (4_002, 18),
+    "pipeline/cli": (2_740, 6),
+    "pipeline/findings": (3_997, 18),
     "pipeline/formats": (7_787, 14),
     "pipeline/geo": (854, 4),
     "pipeline/machine": (1_661, 10),

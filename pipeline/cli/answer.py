@@ -1,6 +1,7 @@
 """A run's answer on a terminal: which way and how sure, the best way on each side, and doubts."""
 
 import re
+import textwrap
 from collections.abc import Iterator, Sequence
 
 from pipeline.cli.terminal import table, wrapped
@@ -30,30 +31,33 @@ _PLAIN = frozenset(
         *("streams-on-residual", "tidal-streams", "tide-relied-on", "unit-converted"),
     }
 )
+# Kinds of notes on which current a case was planned.
+_USED = frozenset({"current-stands-in", "current-used"})
 # Kinds of notes for which there is a line of their own among the doubts.
-_TOLD = frozenset(
-    {
-        *("current-stands-in", "current-unknown", "current-used", "energy-short"),
-        *("narrow-stretch", "second-shoreline"),
-    }
-)
+_TOLD = _USED | {"current-unknown", "energy-short", "narrow-stretch", "second-shoreline"}
 _LEAVE = re.compile(r"^Leave at [^:]+:\d\d(:\d\d)? UTC: ")
 _SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
-# Largest number of doubts that are printed without `--verbose`; the others are counted.
-_DOUBTS = 6
+# Where a doubt may end on its line: before what follows.
+_CLAUSE = re.compile(r"[;:,.] | \(")
+# Largest number of lines without `--verbose`, two of which say where the files are.
+_LINES = 20
+# Least number of doubts that are printed; the others are counted.
+_DOUBTS = 3
 
 
 def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False) -> str:
     """Return the text that a run prints.
 
-    First the title, which says the places of a voyage as they were read; for each case the way to
-    take, why, and how sure that is; then a table with the best route on each side of the main
-    island, without sides that are much dearer; then a line for each doubt. With `verbose` the
-    reasons, choices and places follow. Lines are broken at `width`, in characters, if it is given.
+    First the title, which says the places of a voyage as they were read; the way to take in each
+    case, then why, and how sure that is; then a table with the best route on each side of the main
+    island, without sides that are much dearer; then a line for each doubt, as many as fit. With
+    `verbose` doubts are whole, and reasons, choices and places follow. Lines are broken at `width`,
+    in characters, if it is given.
     """
     result = outcome.result
-    lines = [outcome.scenario.title or outcome.scenario.name]
-    lines += [line for case in result.cases for line in _way(case, outcome)]
+    ways = [list(_way(case, outcome)) for case in result.cases]
+    lines = [outcome.scenario.title or outcome.scenario.name, *(way[0] for way in ways)]
+    lines += [line.removesuffix(".") for way in ways for line in way[1:]]
     told = [note for note in dict.fromkeys(result.choices) if note.kind in _ANSWERS]
     # The first sentence answers the question, and the others are reasons; the hour stands above.
     firsts = [_LEAVE.sub("", _SENTENCE_END.split(line)[0]) for line in note_texts(told)]
@@ -61,12 +65,24 @@ def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False)
     lines = wrapped("\n".join(lines), width).splitlines()
     lines += ["", *_sides(outcome, width)]
     doubts = [f"! {text.capitalised(doubt)}" for doubt in _doubts(outcome)]
-    if not verbose and len(doubts) > _DOUBTS:
-        doubts[_DOUBTS - 1 :] = [f"! And {len(doubts) - _DOUBTS + 1} more doubts: add --verbose"]
+    if not verbose:
+        most = max(_DOUBTS, _LINES - 3 - len(lines))
+        if len(doubts) > most:
+            doubts[most - 1 :] = [f"! And {len(doubts) - most + 1} more doubts: add --verbose"]
+        doubts = [_one_line(doubt, width) for doubt in doubts]
     lines += [""] * bool(doubts) + wrapped("\n".join(doubts), width).splitlines()
     if verbose:
         lines += wrapped("\n".join(_details(outcome)), width).splitlines()
     return "\n".join(lines)
+
+
+def _one_line(doubt: str, width: int | None) -> str:
+    """Return a doubt as far as it fits a line, to the end of a clause if it is long enough."""
+    if width is None or len(doubt) <= width:
+        return doubt
+    short = textwrap.shorten(doubt, width, placeholder=" …")
+    ends = [found.start() for found in _CLAUSE.finditer(short)]
+    return f"{short[: ends[-1]]} …" if ends and ends[-1] > width // 2 else short
 
 
 def _way(case: RunCase, outcome: Outcome) -> Iterator[str]:
@@ -88,10 +104,10 @@ def _way(case: RunCase, outcome: Outcome) -> Iterator[str]:
     passage = outcome.scenario.passage(case.name, round(best.duration_s))
     if passage is not None:
         leave, arrive = text.exact_moment_text(passage[0]), text.moment_text(passage[1])
-        yield f"  Leave at {leave}, arrive at {arrive}."
-    yield f"  {facts.because()}"
+        yield f"  {about}Leave at {leave}, arrive at {arrive}."
+    yield f"  {about}{facts.because()}"
     if certain := facts.certainty():
-        yield f"  {certain}"
+        yield f"  {about and '  '}{certain}"
 
 
 def _fuel(ranked: RankedRoute) -> str:
@@ -102,7 +118,7 @@ def _fuel(ranked: RankedRoute) -> str:
         return f"{text.fuel(row.fuel, row)}{left}"
     share = row.fuel / row.still_fuel
     is_alike = abs(share - 1) < _AS_IN_STILL
-    return f"fuel {'as in' if is_alike else f'{text.percent(share)} of'} still water"
+    return f"fuel {'as in' if is_alike else f'{100 * share:.0f} % of'} still water"
 
 
 def _sides(outcome: Outcome, width: int | None) -> list[str]:
@@ -159,7 +175,8 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     crossed = _crossed(outcome)
     over = {one.rank for case in result.cases for one in case.measures.shore_crossings}
     if 1 in over:
-        yield from (f"OVER LAND of another chart: {line}" for line in note_texts(crossed))
+        places = (line.rpartition(": ")[2] for line in note_texts(crossed))
+        yield from (f"OVER LAND of another shoreline: {line}" for line in places)
     yield from (f"NARROW: {line}" for line in note_texts(result.narrow_notes))
     for case in result.cases:
         met = [one.metrics for one in case.routes if one.rank == 1 and one.metrics.collisions]
@@ -190,18 +207,13 @@ def _stand_ins(outcome: Outcome) -> Iterator[str]:
             missed = " or ".join(name for name, _ in case.grid.passed_over)
             found.setdefault((case.grid.credit.name, missed), []).append(case.name)
     for (source, missed), names in found.items():
-        dates = {name: outcome.result.case(name).period_text for name in names}
-        several = len(outcome.result.cases) > 1
-        valid = ", ".join(f"{name} {dates[name]}" if several else dates[name] for name in names)
+        cases = [outcome.result.case(name) for name in names]
+        dates = " and ".join(case.period_text for case in cases)
+        asked = {case.spec.valid: 0 for case in cases if case.spec.valid != case.source_grid.valid}
+        other = " and ".join(filter(None, asked))
+        about = _of(names, outcome) if len(names) < len(outcome.result.cases) else ""
         instead = f", not {missed} (why: --verbose)" if missed else ""
-        yield f"current of {valid}{_asked(names, outcome)}: {source}{instead}"
-
-
-def _asked(names: Sequence[str], outcome: Outcome) -> str:
-    """Say for which time the currents were asked for, where it is another one."""
-    cases = [outcome.result.case(name) for name in names]
-    asked = [one.spec.valid for one in cases if one.spec.valid not in ("", one.source_grid.valid)]
-    return f", not {', '.join(dict.fromkeys(asked))}" if asked else ""
+        yield f"current of {dates}{f', not {other}' * bool(other)}{about}: {source}{instead}"
 
 
 def _of(names: Sequence[str], outcome: Outcome) -> str:
@@ -219,14 +231,19 @@ def _details(outcome: Outcome) -> Iterator[str]:
         for grid in outcome.fetched.currents
         for name, reason in grid.passed_over
     }
+    gaps = [
+        f"{text.season_name(case.name)}: {text.gap_text(shares, outcome.fetched.land.no_go_name)}"
+        for case in result.cases
+        if (shares := case.measures.gap_shares) is not None
+    ]
     for title, lines in (
         ("Over land of another chart:", note_texts(_crossed(outcome))),
         ("Currents NOT used:", sorted(unused)),
-        ("Currents:", _used(outcome)),
-        ("Chosen:", note_texts(dict.fromkeys(outcome.result.choices))),
+        ("Currents:", note_texts(note for note in result.decisions if note.kind in _USED)),
+        ("Chosen:", note_texts(dict.fromkeys(result.choices))),
         ("Turns:", _turns(outcome)),
         ("Islands:", _islands(outcome)),
-        ("Gap:", _gaps(outcome)),
+        ("Gap:", gaps),
     ):
         listed = [f"- {line}" for line in lines]
         yield from ["", title, *listed] * bool(listed)
@@ -234,12 +251,6 @@ def _details(outcome: Outcome) -> Iterator[str]:
     reasons = f"; {text.count(rejected, 'rejected class', 'rejected classes')}, with reasons"
     routes = text.count(len(result.routes), "route", "routes")
     yield f"\nIn report.html: {routes}{reasons if rejected else ''}."
-
-
-def _used(outcome: Outcome) -> list[str]:
-    """Say on which current each case was planned."""
-    used: tuple[Note, ...] = outcome.result.decisions
-    return note_texts([note for note in used if note.kind in {"current-used", "current-stands-in"}])
 
 
 def _turns(outcome: Outcome) -> list[str]:
@@ -253,24 +264,7 @@ def _turns(outcome: Outcome) -> list[str]:
 
 def _islands(outcome: Outcome) -> list[str]:
     """Say where the islands lie that the ways are named by."""
-    passed = {
-        name
-        for one in outcome.result.routes
-        for passage in one.metrics.passages
-        for name in passage.islands
-    }
     return [
         f"{'island ' * (not island.name)}{island.label} at {island.place}"
         for island in outcome.result.islands
-        if island.label in passed
-    ]
-
-
-def _gaps(outcome: Outcome) -> list[str]:
-    """Say what the gaps consist of, where that was asked for."""
-    no_go = outcome.fetched.land.no_go_name
-    return [
-        f"{text.season_name(case.name)}: {text.gap_text(case.measures.gap_shares, no_go)}"
-        for case in outcome.result.cases
-        if case.measures.gap_shares is not None
     ]

@@ -23,7 +23,6 @@ from renew.errors import Length, Moment, Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
-_NO_FIGURE = "the source of the current has no values anywhere on the best route"
 MORE_CURRENTS = (
     "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
     '(--currents still, or currents = ["still"])'
@@ -314,8 +313,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"planned on {source}{f', valid {valid}' if valid else ''}"
     ),
     "current-unknown": lambda left_out: (
-        f"{'no current was used' if left_out else _NO_FIGURE}: real fuel and times may "
-        "differ, and no choice of a way is proven"
+        f"{'no current was used' if left_out else 'no current is given on the best route'}: real "
+        "fuel and times may differ, and no choice of a way is proven"
     ),
     "forecasts-overlap": "{count:time step gives|time steps give} way to a later forecast, "
     "the latest of {reference:%Y-%m-%d %H:%M} UTC",
@@ -408,9 +407,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
     "adrift": lambda least_s, place, soon, ashore: (
-        f"if the thrust is lost on the best route, the current alone carries the vessel ashore in "
-        f"{text.duration(least_s)} from {place.text}; within 6 h from {text.percent(soon)} of the "
-        f"way, within 72 h from {text.percent(ashore)}"
+        f"without thrust the current carries the vessel ashore in {text.duration(least_s)}, from "
+        f"{place.text}; within 6 h from {text.percent(soon)} of the best route, within 72 h from "
+        f"{text.percent(ashore)}"
     ),
     "adrift-kept": _adrift_kept,
     "area-shut": _area_shut,
@@ -426,8 +425,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "while: {ways:; /3/, and of # more}. At another departure the water may be open",
     "crossing": _crossing,
     "current-filled": lambda first, shares: (
-        f"the source of the current has no figure for {_shares(first, shares)}: it was filled from "
-        "the water around"
+        f"no current is given on {_shares(first, shares)}: it was filled from the water around"
     ),
     "streams-weak": lambda limit, first, shares: (
         f"harmonic constants give less than {limit:.0%} of the currents' variance on "

@@ -74,10 +74,14 @@ class CaseFacts:
         rival = self.rival
         if rival is None:
             return "No other class that was planned has a route."
-        than = rival.main_passage if rival.main_passage != self.best.main_passage else "the next"
+        than, _, island = rival.main_passage.partition(" ")
+        if rival.main_passage == self.best.main_passage:
+            than = "the next"
+        elif not self.best.main_passage.endswith(f" {island}"):
+            than = rival.main_passage
         length = _length_beside(self.best, rival, than)
         if self.lacks_current and self.best.length_m <= rival.length_m:
-            return f"{length}; the current on the way is not known."
+            return f"{length}."
         if self.best.fuel > rival.fuel:
             return f"{_ROOMIER if self.is_narrow else _LEAST_IN_THE_MEAN}."
         if self.is_still:

@@ -1,17 +1,15 @@
 """Names of ways for navigators: "west of Palawan", "between islands 2 and 5".
 
-An island has the chart's name, else the catalogue's
-(`island_places`), else its number in the planner's homotopy classes
-(:mod:`renew.classes.h_signature`: the largest island is 1). If several islands share a name, only
-the largest has it. A way's name has only as many islands as distinguish its route from the other
-routes of its case. Numbers are equal in all cases. Every name begins with the main island: the
-largest that distinguishes any two routes.
+An island has the chart's name, else the catalogue's (`island_places`), else its number in the
+planner's homotopy classes (:mod:`renew.classes.h_signature`: the largest is 1), in all cases the
+same. Of islands that share a name only the largest has it. Every name begins with the main island:
+the largest that distinguishes any two routes; others follow only where they are needed.
 
-A polygon of land is an island of the catalogue on three conditions. It lies in the island's bounds
-and is about as large. It contains the island's own point, or reaches as far as the island on every
-side. If the region cuts the island, only the sides inside the region are compared, and there must
-be two of them unless the polygon contains the point. So a continent never has an island's name, and
-only one of two pieces of an island can have it.
+A polygon of land is an island of the catalogue if it lies in the island's bounds, is about as
+large, and contains the island's own point or reaches as far as the island on every side. If the
+region cuts the island, only the sides inside the region are compared, and there must be two of them
+unless the polygon contains the point. So a continent never has an island's name, and only one of
+two pieces of an island can have it.
 """
 
 import csv
@@ -21,7 +19,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 import shapely
@@ -141,7 +139,7 @@ class _WayNamer:
         return sorted(
             island
             for island in self._spelled & set(self._rays.island.tolist())
-            if any(len(set(self._values(island, case))) > 1 for case in cases)
+            if len({(case, of[island]) for (case, _), of in self._windings.items()}) > len(cases)
         )
 
     @cached_property
@@ -161,24 +159,34 @@ class _WayNamer:
         return bool(_AT_END < along < 1 - _AT_END)
 
     def _distinguishing(self, key: RouteKey, main: int) -> list[int]:
-        """Return a few islands that, with the main one, distinguish a route in its case."""
+        """Return a few islands that, with the main one, distinguish a route in its case.
+
+        Those beside the route come first: no other land lies between.
+        """
         mine = self._windings[key]
         alike = [
             winding
             for other, winding in self._windings.items()
             if other != key and other[0] == key[0] and winding[main] == mine[main]
         ]
+        path = shapely.LineString(self._routes[key].path)
         chosen = []
         while alike:
             differing = {
                 i: sum(winding[i] != mine[i] for winding in alike) for i in self._distinguishing_any
             }
-            best = max(differing, key=lambda island: (differing[island], -island), default=None)
-            if best is None or not differing[best]:
+            useful = [i for i, routes in differing.items() if routes]
+            if not useful:
                 break
+            best = max(useful, key=lambda i: (self._is_beside(i, path), differing[i], -i))
             chosen.append(best)
             alike = [winding for winding in alike if winding[best] == mine[best]]
         return chosen
+
+    def _is_beside(self, island: int, path: shapely.LineString) -> bool:
+        """Whether no other land lies between a path and an island."""
+        between = shapely.shortest_line(path, self._outline(island))
+        return len(self._land.query(between, "intersects")) == 1
 
     def _straits(self, key: RouteKey, islands: list[int]) -> Iterable[tuple[int, int]]:
         """Yield pairs of islands between which a route passes, the closest first, no island twice.
@@ -235,18 +243,13 @@ class _WayNamer:
     def _gap(self, one: int, other: int) -> shapely.LineString:
         """Return the shortest line between two islands."""
         if (one, other) not in self._gaps:
-            outlines = self._outline(one), self._outline(other)
-            self._gaps[one, other] = shapely.shortest_line(*outlines)
+            self._gaps[one, other] = shapely.shortest_line(self._outline(one), self._outline(other))
         return self._gaps[one, other]
 
     def _along(self, key: RouteKey, island: int) -> float:
         """Return the distance along a route, planar m, at which it passes an island."""
         path = shapely.LineString(self._routes[key].path)
         return float(path.project(shapely.Point(self._centre(island))))
-
-    def _values(self, island: int, case: str) -> list[int]:
-        """Return the winding numbers of a case's routes about an island."""
-        return [winding[island] for (of, _), winding in self._windings.items() if of == case]
 
     def _winding_numbers_of(self, path: FloatArray) -> Counter[int]:
         """Count how often a path passes north of each island, eastward less westward."""
@@ -315,11 +318,8 @@ class _WayNamer:
         """Return an island's centroid (2,), or a point on it if the centroid is in water."""
         outline = self._outline(island)
         centroid = outline.centroid
-        return (
-            shapely.get_coordinates(centroid)[0]
-            if outline.contains(centroid)
-            else self._point(island)
-        )
+        is_inside = outline.contains(centroid)
+        return shapely.get_coordinates(centroid)[0] if is_inside else self._point(island)
 
     def _outline(self, island: int) -> shapely.Polygon:
         """Return an island's polygon in the planner's chart."""
@@ -386,9 +386,7 @@ class Island:
         """Return the island with its longitudes shifted by whole turns."""
         west, south, east, north = self.bounds
         by = 360.0 * turns
-        return Island(
-            self.name, self.lon + by, self.lat, (west + by, south, east + by, north), self.area_km2
-        )
+        return replace(self, lon=self.lon + by, bounds=(west + by, south, east + by, north))
 
 
 @cache
@@ -396,14 +394,9 @@ def islands() -> tuple[Island, ...]:
     """Return the catalogue's islands."""
     with catalogue.islands().open(encoding="utf-8", newline="") as file:
         return tuple(
-            Island(
-                row["name"],
-                float(row["lon"]),
-                float(row["lat"]),
-                (float(row["west"]), float(row["south"]), float(row["east"]), float(row["north"])),
-                float(row["area_km2"]),
-            )
-            for row in csv.DictReader(file)
+            Island(name, lon, lat, (west, south, east, north), area_km2)
+            for name, *figures in islice(csv.reader(file), 1, None)
+            for lon, lat, west, south, east, north, area_km2 in [map(float, figures)]
         )
 
 

@@ -139,6 +139,21 @@ def test_no_row_of_the_answer_is_wider_than_the_terminal(file: str, across_outpu
         for verbose in (False, True):
             lines = answer(outcome, width, verbose=verbose).splitlines()
             assert max(map(len, lines)) <= width
+        doubts = answer(outcome, width).split("\n\n")[2].splitlines()
+        assert all(line.startswith("! ") for line in doubts)
+
+
+@pytest.mark.slow
+def test_two_seasons_are_answered_in_twenty_lines_of_eighty_characters(tmp_path: Path) -> None:
+    outcome = run(load_scenario("palawan-season"), tmp_path, offline=True)
+    said = answer(outcome, 80)
+    lines = said.splitlines()
+    assert len(lines) + 2 <= 20, "a blank line and the folder follow"
+    assert [line[:21] for line in lines[1:3]] == ["Summer: go WEST of Pa", "Winter: go EAST of Pa"]
+    assert max(map(len, lines)) <= 80
+    _, table, doubts = said.split("\n\n")
+    assert [len(block.splitlines()) for block in (table, doubts)] == [5, 4]
+    assert all(line.startswith("! ") for line in doubts.splitlines())
 
 
 def test_choices_are_reported_and_no_land_was_missed(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+
 import numpy as np
 import pytest
 import shapely
@@ -15,6 +17,8 @@ from pipeline.findings.other_ways import narrow_gaps
 from pipeline.findings.way_names import Island, island_places, islands
 from pipeline.geo.projection import Projection
 from pipeline.model import Water
+from pipeline.scenario import catalogue
+from tests import islands as known
 from tests.strategies import examples
 
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -47,12 +51,64 @@ def names(region: Polygon, *land: Polygon) -> dict[int, str]:
 
 
 def test_every_island_of_the_catalogue_is_on_the_globe_and_in_its_bounds() -> None:
-    assert len(islands()) > 250
+    assert len(islands()) > 600
     for island in islands():
         west, south, east, north = island.bounds
         assert -90 <= south <= island.lat <= north <= 90, island
         assert -180 <= west <= island.lon <= east <= 190, island
-        assert island.area_km2 > 10
+        assert island.area_km2 >= 1
+
+
+# A town on each of ten islands that people know.
+TOWNS = {
+    "Busuanga": (120.20, 12.00),
+    "Samos": (26.943, 37.690),
+    "Chios": (26.136, 38.368),
+    "Kos": (27.29, 36.89),
+    "Naxos": (25.52, 37.07),
+    "Skye": (-6.19, 57.41),
+    "Funen": (10.39, 55.40),
+    "Okinawa": (127.98, 26.59),
+    "Martinique": (-61.06, 14.61),
+    "Guam": (144.79, 13.48),
+}
+
+
+def test_known_islands_are_where_their_towns_are() -> None:
+    for name, (lon, lat) in TOWNS.items():
+        around = [
+            island
+            for island in islands()
+            if island.bounds[0] < lon < island.bounds[2]
+            and island.bounds[1] < lat < island.bounds[3]
+        ]
+        assert min(around, key=lambda island: island.area_km2).name == name
+
+
+def test_no_island_stands_twice_under_two_names() -> None:
+    boxes = shapely.STRtree([shapely.box(*island.bounds) for island in islands()])
+    one, other = boxes.query(boxes.geometries, "intersects")
+    one, other = one[one < other], other[one < other]
+    common = shapely.area(shapely.intersection(boxes.geometries[one], boxes.geometries[other]))
+    both = shapely.area(boxes.geometries)[one] + shapely.area(boxes.geometries)[other] - common
+    alike = [(islands()[a].name, islands()[b].name) for a, b in zip(one, other, strict=True)]
+    found = {pair for pair, share in zip(alike, common / both, strict=True) if share > 0.35}
+    assert found == {("Streymoy", "Eysturoy")}
+
+
+@pytest.mark.slow
+def test_the_table_is_what_its_script_makes_and_no_outline_has_another_name() -> None:
+    land = shapely.STRtree(known.world())
+    table = known.rows(land)
+    with catalogue.islands().open(encoding="utf-8", newline="") as file:
+        assert table == list(csv.DictReader(file))
+    points = shapely.points([(float(row["lon"]), float(row["lat"])) for row in table])
+    for name, town in TOWNS.items():
+        near = land.geometries[land.query(shapely.Point(town), "dwithin", 0.02)]
+        inside = shapely.contains(max(near, key=shapely.area), points)
+        assert [row["name"] for row, is_in in zip(table, inside, strict=True) if is_in] == [name]
+    with pytest.raises(ValueError, match="Samos: no land of 100 km2 at"):
+        known.outline(land, "Samos", 26.82, 37.75, 100.0)
 
 
 def test_an_island_has_its_name_and_an_islet_beside_it_has_not() -> None:

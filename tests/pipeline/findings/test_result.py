@@ -54,8 +54,8 @@ def test_shares_of_the_current_are_reported_for_the_best_and_the_worst() -> None
     result = with_shares(small_run.parts(), {1: 0.123, 2: 0.2, 3: 0.95})
     _, text = note_texts(result.unknowns)
     assert text == (
-        "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
-        "3, the largest share of the 2 other routes: it was filled from the water around"
+        "summer: no current is given on 12.3 % of route 1 and 95.0 % of route 3, the largest share "
+        "of the 2 other routes: it was filled from the water around"
     )
     best, second = result.case("summer").routes[:2]
     assert "12.3 % of route 1:" in note_texts(route_unknowns(best))[1]
@@ -77,7 +77,7 @@ def test_a_current_that_is_not_known_at_all_is_reported_first() -> None:
     result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
     assert [result.case(season).lacks_current for season in ("summer", "winter")] == [True, False]
     first = note_texts(result.unknowns)[0]
-    assert first.startswith("summer: the source of the current has no values anywhere on the best")
+    assert first.startswith("summer: no current is given on the best route: real fuel")
     still = without_current(with_shares(small_run.parts(), {}), "winter")
     assert [still.case(season).lacks_current for season in ("summer", "winter")] == [False, True]
     winter = still.case("winter").routes[0]

@@ -40,7 +40,7 @@ OTHER = replace(
 def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert CaseFacts([BEST, TWIN, OTHER]).rival is OTHER
     text = " ".join(CaseFacts([BEST, TWIN, OTHER]).verdict())
-    assert "The way west of island 1 is the one to take. 40.0 km longer than east of" in text
+    assert "The way west of island 1 is the one to take. 40.0 km longer than east, but" in text
     assert "but the current adds 0.25 m/s (takes 0.10 m/s there)." in text
     assert "The best way east of island 1 needs 11.1 % more fuel." in text
     assert "1 class is shorter" in text
@@ -106,17 +106,16 @@ def test_where_there_is_no_land_no_turn_is_reported_to_have_missed_it() -> None:
 def test_the_reason_is_length_or_the_current() -> None:
     longer = CaseFacts([BEST, OTHER]).because()
     assert longer == (
-        "40.0 km longer than east of island 1, but the current adds 0.25 m/s (takes 0.10 m/s "
-        "there)."
+        "40.0 km longer than east, but the current adds 0.25 m/s (takes 0.10 m/s there)."
     )
     shorter = replace(OTHER, length_m=1_200_000.0, duration_s=1_200_000 / 1.3)
     assert CaseFacts([BEST, shorter]).because() == (
-        "200 km shorter than east of island 1, although the current adds 0.25 m/s (0.30 there)."
+        "200 km shorter than east, although the current adds 0.25 m/s (0.30 there)."
     )
     assert CaseFacts([BEST]).because() == "No other class that was planned has a route."
     alike = replace(shorter, duration_s=1_200_000 / 1.25)
     assert CaseFacts([BEST, alike]).because() == (
-        "200 km shorter than east of island 1, and the current adds 0.25 m/s on both."
+        "200 km shorter than east, and the current adds 0.25 m/s on both."
     )
     unhelped = replace(BEST, speed_m_s=1.251)
     assert "the current adds nothing (takes" in CaseFacts([unhelped, OTHER]).because()
@@ -143,9 +142,7 @@ def test_where_there_is_no_current_to_speak_of_it_is_no_reason() -> None:
     still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
     said = CaseFacts([replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)], 0.004)
     assert said.is_still
-    assert said.because() == (
-        "40.0 km shorter than west of island 1; there is no current to speak of."
-    )
+    assert said.because() == ("40.0 km shorter than west; there is no current to speak of.")
     assert not CaseFacts(still, 0.02).is_still
     assert not CaseFacts([BEST, OTHER], 0.004).is_still
 
@@ -224,9 +221,7 @@ def test_of_a_current_that_is_not_known_nothing_is_proven() -> None:
     assert known.certainty().startswith("Proven in this current")
     assert "needs less than" in " ".join(known.verdict())
     said = replace(known, lacks_current=True)
-    assert said.because() == (
-        "40.0 km shorter than west of island 1; the current on the way is not known."
-    )
+    assert said.because() == "40.0 km shorter than west."
     assert said.certainty() == "Not proven: the current on the way is not known."
     for claim in ("Proven", "no current to speak of", "needs less than", "save up to", "m/s"):
         assert claim not in " ".join(said.verdict())

@@ -201,6 +201,17 @@ def test_larger_land_that_an_offing_joins_to_an_island_has_not_its_name() -> Non
     assert ways == {"west of island 1", "east of island 1"}
 
 
+def test_islands_that_tell_ways_apart_are_those_beside_the_way() -> None:
+    """Three islands in a row, hardly apart: nobody passes the largest, which lies in the middle."""
+    main = shapely.box(-120, -200, 0, 200)
+    row = [shapely.box(60, -60, 75, 60), shapely.box(77, -30, 200, 30)]
+    scene = voyage([main, *row, shapely.box(202, -60, 215, 60)], (-60, -300), (-60, 300))
+    found = named(scene, planned(scene, classes=3))
+    # By their areas the middle one is 2, that beside the main island 3, the outer one 4.
+    ways = {row.way for row in found.routes}
+    assert ways == {"west of island 1", "between islands 1 and 3", "east of islands 1 and 3"}
+
+
 def test_seasons_share_the_main_island() -> None:
     """One season has routes on both sides, the other on one side only."""
     scene = voyage([shapely.box(-60, -60, 60, 40)], (-300, 0), (300, 0))
