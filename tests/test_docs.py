@@ -103,23 +103,22 @@ def test_shell_blocks_are_run_or_say_why_not(document: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("document", RUN)
 def test_shell_blocks_run(document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A page's blocks in their order and one folder: Python, named TOML files, commands."""
+    """A page's blocks in one folder: Python and named TOML files, then commands that take them."""
     monkeypatch.chdir(tmp_path)
     environment = {
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
     text, namespace = _text(document), dict[str, object]({"__name__": "__main__"})
+    for _, body in _blocks(document, "python"):
+        exec(compile(body, document, "exec"), namespace)  # noqa: S102  # as above
+    for _, body in _blocks(document, "toml"):
+        if named := re.match(r"# ([\w-]+\.toml)\n", body):
+            (tmp_path / named[1]).write_text(body, encoding="utf-8")
     count = 0
     for block in FENCE.finditer(text):
-        language, body = block["language"], block["body"]
-        if language == "python":
-            exec(compile(body, document, "exec"), namespace)  # noqa: S102  # as above
-        elif language == "toml" and (named := re.match(r"# ([\w-]+\.toml)\n", body)):
-            (tmp_path / named[1]).write_text(body, encoding="utf-8")
-        elif language in SHELL and not NOT_RUN.search(text[: block.start()]):
-            command = ["/bin/sh", "-ec", body]
-            ran(*command, env=environment)
+        if block["language"] in SHELL and not NOT_RUN.search(text[: block.start()]):
+            ran("/bin/sh", "-ec", block["body"], env=environment)
             count += 1
     assert count
 
@@ -333,9 +332,8 @@ def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     if analyze is None or program is None:
         pytest.skip("needs systemd-analyze")
     unit = tmp_path / "renew@.service"
-    found = re.search(r"(?ms)^```\n(\[Unit\].*?)^```", _text("docs/how-to/operation.md"))
-    assert found is not None
-    unit.write_text(found[1].replace("/opt/renew/bin/renew", program))
+    text = (ROOT / "catalog" / "operation" / unit.name).read_text(encoding="utf-8")
+    unit.write_text(text.replace("/opt/renew/bin/renew", program), encoding="utf-8")
     command = [analyze, "verify", str(unit)]
     done = ended(*command)
     assert (done.returncode, done.stderr) == (0, "")
