@@ -111,9 +111,9 @@ def rehearse() -> Iterator[str]:
             tightest(route, current, vessel)
             fuel(route.path, current, vessel)
             _ = (route.channel, route.soft_no_go)
-            if not options:
+            if what == REHEARSALS[0][0]:
                 _sail_freely(chart, current)
-                adrift(route, chart, current)
+                adrift(route, chart, current, horizon=10.0)
             # The bound takes longest, and its kernels depend on these two options only.
             if not options or options.keys() & {"drift", "speed"}:
                 _ = route.optimality_gap

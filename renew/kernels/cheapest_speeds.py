@@ -220,7 +220,7 @@ def _best_speed(
             step = math.sqrt(step)
         if not low <= speed <= high:
             continue
-        polar = sailing_at(speed, costs.crab, costs.most)
+        polar = sailing_at(speed, costs.crab, costs.most, costs.law)
         water = Stream(costs.table, polar, Clock(begin, costs.step))
         time = leg_time_from(leg, u, v, end, begin, water)
         if time < np.inf:
@@ -298,7 +298,7 @@ def _leg_time(path: FloatArray, k: int, begin: float, speed: float, costs: CostM
     (ax, ay), (bx, by) = path[k], path[k + 1]
     u, v = velocity(costs.table, ax, ay, begin)
     leg, end = Segment(ax, ay, bx, by), site_of(costs.table, bx, by)
-    polar = sailing_at(speed, costs.crab, costs.most)
+    polar = sailing_at(speed, costs.crab, costs.most, costs.law)
     water = Stream(costs.table, polar, Clock(begin, costs.step))
     return leg_time_from(leg, u, v, end, begin, water)
 

@@ -24,12 +24,13 @@ from renew._types import FloatArray
 class FuelLaw(NamedTuple):
     """Fuel a second over α: vᵏ + `hotel`, with k the `exponent`; by a table P(v) + `hotel`.
 
-    The `nodes` (n, 3) of a table are speed, power and slope; the exponent is NaN then.
+    The `nodes` (n, 3) of a table are speed, power and slope; the exponent is NaN then. A law
+    without a table has none: were they `None`, every kernel would be compiled twice.
     """
 
     exponent: float = 2.0
     hotel: float = 0.0
-    nodes: FloatArray | None = None
+    nodes: FloatArray = np.empty((0, 3))
 
 
 @cache
@@ -71,10 +72,9 @@ def in_way(way: float, square: float, law: FuelLaw) -> tuple[float, float, float
 
 
 @small_kernel
-def _power(speed: float, exponent: float, nodes: FloatArray | None) -> tuple[float, float, float]:
+def _power(speed: float, exponent: float, nodes: FloatArray) -> tuple[float, float, float]:
     """Return vᵏ or P(v), and its two derivatives by speed (m/s)."""
-    # The compiler leaves out one branch: an argument is None by its type.
-    if nodes is None:
+    if len(nodes) == 0:
         power = speed**exponent
         slope = exponent * power / speed
         return power, slope, (exponent - 1.0) * slope / speed
@@ -90,11 +90,11 @@ def _power(speed: float, exponent: float, nodes: FloatArray | None) -> tuple[flo
 
 @small_kernel
 def _power_in_way(
-    way: float, square: float, exponent: float, nodes: FloatArray | None
+    way: float, square: float, exponent: float, nodes: FloatArray
 ) -> tuple[float, float, float]:
     """Return vᵏ or P(v) at v = √(way² + square), and its two derivatives by `way` (m/s)."""
     through = way * way + square
-    if nodes is None:
+    if len(nodes) == 0:
         power = through ** (exponent / 2 - 1) if through > 0.0 else 0.0
         bend = 0.0
         if through > 0.0:
@@ -109,7 +109,7 @@ def _power_in_way(
 
 def efforts(speeds: float | FloatArray, law: FuelLaw) -> FloatArray:
     """Return :func:`effort` (...) at speeds (...), m/s, or at one."""
-    if law.nodes is None:
+    if len(law.nodes) == 0:
         return np.asarray(speeds**law.exponent + law.hotel)
     speeds = for_kernels(speeds)
     return np.asarray(_efforts(speeds.ravel(), law).reshape(speeds.shape))
@@ -126,13 +126,13 @@ def _efforts(speeds: FloatArray, law: FuelLaw) -> FloatArray:
 
 def marginal(speed: float, law: FuelLaw) -> float:
     """Return the derivative of :func:`effort` by speed, at a speed (m/s)."""
-    if law.nodes is None:
+    if len(law.nodes) == 0:
         return float(law.exponent * speed ** (law.exponent - 1))
     return float(effort_by_speed(speed, law))
 
 
 def exponent_near(speed: float, law: FuelLaw) -> float:
     """Return the k of the vᵏ, times a factor, that a law without hotel load is near a speed."""
-    if law.nodes is None:
+    if len(law.nodes) == 0:
         return law.exponent
     return marginal(speed, law) * speed / (effort(speed, law) - law.hotel)

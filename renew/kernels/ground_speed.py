@@ -46,9 +46,9 @@ class Polar(NamedTuple):
 
 
 @small_kernel
-def sailing_at(speed: float, crab: bool, most: float) -> Polar:
+def sailing_at(speed: float, crab: bool, most: float, law: FuelLaw) -> Polar:
     """Return the polar at a speed through water (m/s) below the vessel's highest one."""
-    return Polar(speed, crab, math.inf, 0.0, FuelLaw(2.0, 0.0, None), 1.0, 0.0, most)
+    return Polar(speed, crab, math.inf, 0.0, law, 1.0, 0.0, most)
 
 
 def choosing(speed: float, *, crab: bool, least: float, price: float, law: FuelLaw) -> Polar:
@@ -65,18 +65,25 @@ def choosing(speed: float, *, crab: bool, least: float, price: float, law: FuelL
 
 @small_kernel
 def ground_speed(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
-    """Return the speed over ground along the unit tangent t in the current c, m/s.
+    """Return what the vessel "makes" along the unit tangent t in the current c, m/s."""
+    if polar.least < polar.speed:
+        across = cy * tx - cx * ty if polar.crab else 0.0
+        return _chosen_speed(cx * tx + cy * ty, across, polar)[1]
+    return made_at(cx, cy, tx, ty, polar.speed, polar.crab)
+
+
+@small_kernel
+def made_at(cx: float, cy: float, tx: float, ty: float, speed: float, crab: bool) -> float:
+    """Return the speed over ground along the unit tangent t in the current c at a speed v, m/s.
 
     Projected: v + c·t. Crab: c·t + √(v² - |c - (c·t)t|²). Not positive where the vessel can't make
     way in that direction, and NaN where it can't even hold the course.
     """
     along = cx * tx + cy * ty
-    across = cy * tx - cx * ty if polar.crab else 0.0
-    if polar.least < polar.speed:
-        return _chosen_speed(along, across, polar)[1]
-    if not polar.crab:
-        return along + polar.speed
-    square = polar.speed * polar.speed - across * across
+    if not crab:
+        return along + speed
+    across = cy * tx - cx * ty
+    square = speed * speed - across * across
     return along + math.sqrt(square) if square >= 0.0 else math.nan
 
 
@@ -154,9 +161,8 @@ def ground_speeds(
     """
     speeds = np.empty(len(velocity))
     for k in range(len(velocity)):
-        polar = sailing_at(speed[k], crab, 0.0)
-        speeds[k] = ground_speed(
-            velocity[k, 0], velocity[k, 1], tangent[k, 0], tangent[k, 1], polar
+        speeds[k] = made_at(
+            velocity[k, 0], velocity[k, 1], tangent[k, 0], tangent[k, 1], speed[k], crab
         )
     return speeds
 

@@ -286,7 +286,8 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
     closest = MIN_SPACING * voyage.vessel.turning_radius
     keep_whole = np.asarray(corridor.exempt.any(axis=1))
     mean = length_of(profile.path) / float(profile.times[-1] - profile.times[0])
-    polar = sailing_at(min(mean, voyage.vessel.speed), voyage.drift == "crab", voyage.vessel.speed)
+    vessel = voyage.vessel
+    polar = sailing_at(min(mean, vessel.speed), voyage.drift == "crab", vessel.speed, vessel.law)
     water = WaterAround(Stream(voyage.table, polar, voyage.clock), corridor.search_capsules)
     schedule = shares(profile.path), profile.times
     path = without_detours(

@@ -109,7 +109,7 @@ def trade_off(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]
     # Prices for which the best speeds in still water are evenly spaced, by a power of the speed; a
     # hotel load is a price of time, too.
     vessel, (exponent, hotel, nodes) = voyage.vessel, voyage.vessel.law
-    power = exponent if nodes is None else vessel.fuel_exponent
+    power = vessel.fuel_exponent if len(nodes) else exponent
     highest = way.highest_price + hotel
     still = np.linspace(1.0, (hotel / highest) ** (1 / power), _PRICES) ** power
     prices = np.maximum(highest * still - hotel, 0.0)
@@ -317,8 +317,8 @@ class TimedPath:
 
     def arrivals(self, speed: float) -> FloatArray:
         """Return the times (r + 1,), s, at the rows at a constant speed (m/s)."""
-        voyage = self._voyage
-        polar = sailing_at(speed, voyage.drift == "crab", voyage.vessel.speed)
+        voyage, vessel = self._voyage, self._voyage.vessel
+        polar = sailing_at(speed, voyage.drift == "crab", vessel.speed, vessel.law)
         return np.asarray(arrivals(self.rows, Stream(voyage.table, polar, voyage.clock)))
 
     @cached_property

@@ -22,7 +22,7 @@ from renew.errors import InfeasibleError, TooSharpError
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField
 from renew.kernels.capsules import Capsules, legs_are_clear, wrapped
-from renew.kernels.ground_speed import ground_speed, sailing_at
+from renew.kernels.ground_speed import made_at
 from renew.voyage.fuel import reading_times, speeds_along, times_under_way
 from renew.voyage.voyage import shares
 
@@ -249,10 +249,11 @@ def _durations(
     """Return the time (n - 1,), s, over each leg in currents (n, 2); inf if no way is made."""
     durations = np.empty(len(lengths))
     for k in range(len(durations)):
-        polar, slowness = sailing_at(through_water[k], crab=True, most=0.0), 0.0
+        slowness = 0.0
         for at in (k, k + 1):
             u, v = velocity[at]
-            made = ground_speed(u, v, math.cos(course[at]), math.sin(course[at]), polar)
+            tx, ty = math.cos(course[at]), math.sin(course[at])
+            made = made_at(u, v, tx, ty, through_water[k], crab=True)
             slowness += 1.0 / made if made > 0.0 else math.inf
         durations[k] = lengths[k] * slowness / 2
     return durations
@@ -270,7 +271,7 @@ def _headings(course: FloatArray, velocity: FloatArray, through_water: FloatArra
         speed = (through_water[max(k - 1, 0)] + through_water[min(k, last)]) / 2
         tx, ty = math.cos(course[k]), math.sin(course[k])
         u, v = velocity[k]
-        made = ground_speed(u, v, tx, ty, sailing_at(speed, crab=True, most=0.0))
+        made = made_at(u, v, tx, ty, speed, crab=True)
         heading = math.atan2(made * ty - v, made * tx - u)
         headings[k] = heading if k == 0 else headings[k - 1] + wrapped(heading - headings[k - 1])
     return headings

@@ -21,7 +21,7 @@ from renew.errors import ParameterError, as_floats, check_kind, is_finite, shown
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.options import Drift, choice_faults
-from renew.kernels.ground_speed import ground_speed as made_along, ground_speeds, sailing_at
+from renew.kernels.ground_speed import ground_speeds, made_at
 
 # Composite Gauss-Legendre: four nodes on pieces of at most 1/256 of the path. On the published
 # single gyre the error is below 1e-9 of the fuel.
@@ -139,10 +139,9 @@ def _durations(
     """
     durations = np.zeros(len(length))
     for k in range(len(length)):
-        polar = sailing_at(speed[k], crab, 0.0)
         tx, ty = tangent[k, 0]
         for node in range(4 if length[k, 0] > 0 else 0):
-            made = made_along(velocity[k, node, 0], velocity[k, node, 1], tx, ty, polar)
+            made = made_at(velocity[k, node, 0], velocity[k, node, 1], tx, ty, speed[k], crab)
             durations[k] += _WEIGHTS[node] / 2 * length[k, node] / made if made > 0 else math.inf
     return durations
 
