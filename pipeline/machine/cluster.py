@@ -125,12 +125,8 @@ def refuse_unfit_workers(client: "Client", address: str, path: Path) -> None:
 def make(task: WorkerTask, identity: str, limit_s: float) -> Any:  # noqa: ANN401 - as `WorkerTask.make`
     """Do a task on a Dask worker; with a time limit, in a process that is killed after it.
 
-    Raises
-    ------
-    StageError
-        The job has another code identity.
-    WorkerEndedError
-        The process with the time limit has ended.
+    Raises StageError if the job has another code identity; WorkerEndedError if the process with the
+    time limit has ended.
     """
     if own_identity() != identity:
         raise StageError(f"a Dask worker runs {_OTHER_VERSION}")
@@ -176,10 +172,7 @@ class Fleet:
     def run(self, work: Work, check: Callable[[], None] = lambda: None) -> None:
         """Hand out all tasks; `check` is called regularly, and may end the work with an error.
 
-        Raises
-        ------
-        StageError
-            The scheduler has died, or has had no workers for _WORKERS_S.
+        Raises StageError if the scheduler has died, or has had no workers for _WORKERS_S.
         """
         at_work: dict[Future[Any], WorkerTask] = {}
         identity = own_identity()

@@ -107,12 +107,8 @@ _MAX_VANISHED = 20
 def file_lock(path: Path, *, shared: bool = False, wait_s: float = 0.0) -> Iterator[bool]:
     """Hold a lock on a file, created if needed; yield False if another process holds it.
 
-    A process with the exclusive lock may remove the file: others then lock a new one.
-
-    Raises
-    ------
-    OSError
-        The file can't be made or locked.
+    A process with the exclusive lock may remove the file: others then lock a new one. Raises
+    OSError if the file can't be made or locked.
     """
     descriptor = _acquire(path, fcntl.LOCK_SH if shared else fcntl.LOCK_EX, wait_s)
     try:

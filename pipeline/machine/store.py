@@ -134,10 +134,7 @@ def artefact_key(stage: str, *inputs: object) -> str:
 def save_artefact(path: Path, value: object, owner: str = "") -> None:
     """Write a value with its hash under a temporary name, and rename it.
 
-    Raises
-    ------
-    StageError
-        The disk refuses.
+    Raises StageError if the disk refuses.
     """
     remedy = "free some space, or choose another folder with --output"
     with needed(f"can't write {path.name} in {path.parent}", remedy):
@@ -335,10 +332,7 @@ _ALLOWED = {
 def values_from(content: bytes) -> object:
     """Return the value of a pickle.
 
-    Raises
-    ------
-    pickle.UnpicklingError
-        It names anything but a class or constructor of values.
+    Raises pickle.UnpicklingError if it names anything but a class or constructor of values.
     """
     return _ValueUnpickler(io.BytesIO(content)).load()
 

@@ -113,10 +113,7 @@ class Worker:
     def call(self, function: Callable[..., object], *arguments: object) -> None:
         """Have a function called after those before it; start the process unless it runs.
 
-        Raises
-        ------
-        StageError
-            The system can't start a process.
+        Raises StageError if the system can't start a process.
         """
         if not self.is_running:
             self._start()
@@ -126,10 +123,7 @@ class Worker:
     def answer(self) -> tuple[AnswerKind, Any]:
         """Wait for the next answer: what a call has told, or has returned or raised at its end.
 
-        Raises
-        ------
-        WorkerEndedError
-            The process has ended.
+        Raises WorkerEndedError if the process has ended.
         """
         try:
             kind, value = self.pipe.recv()
@@ -140,10 +134,7 @@ class Worker:
     def result(self, limit_s: float = math.inf) -> Any:  # noqa: ANN401 - that of any function
         """Wait for what the call returns, and return it, or raise its error.
 
-        Raises
-        ------
-        WorkerEndedError
-            The process has ended, or was killed at the limit.
+        Raises WorkerEndedError if the process has ended, or was killed at the limit.
         """
         deadline = time.monotonic() + limit_s
         while self.pipe.poll(
@@ -221,10 +212,7 @@ def call_in_process(
 ) -> Any:  # noqa: ANN401 - that of any function
     """Call a function in a process of its own; return what it returns, or raise its error.
 
-    Raises
-    ------
-    WorkerEndedError
-        The process ended, or was killed after the limit.
+    Raises WorkerEndedError if the process ended, or was killed after the limit.
     """
     with Worker() as worker:
         worker.call(function, *arguments)

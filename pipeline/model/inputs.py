@@ -536,12 +536,8 @@ class CurrentSource(Protocol):
     def issue(self, case: Season) -> Issue:
         """Return which issue of the data there is now.
 
-        Raises
-        ------
-        StageError
-            The service does not say it.
-        RequestError
-            The user's own file is not there, or invalid.
+        Raises StageError if the service does not say it; RequestError if the user's own file is not
+        there, or invalid.
         """
         ...
 

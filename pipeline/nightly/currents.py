@@ -188,12 +188,8 @@ def _hash(texts: Iterable[str]) -> str:
 def keep_forecasts(output: Path, blocks: Iterable[Block], newest: Newest, *, prune: bool) -> None:
     """Copy tonight's files of all sources whose earlier forecasts are members.
 
-    With `prune`, the oldest forecasts go that no case asks for.
-
-    Raises
-    ------
-    StageError
-        They can't be written.
+    With `prune`, the oldest forecasts go that no case asks for. Raises StageError if they can't be
+    written.
     """
     wanted: dict[tuple[str, ...], dict[int, Season]] = {}
     for block in blocks:

@@ -182,10 +182,8 @@ class _Night:
     def _settled(self) -> NightOutcome | None:
         """Return the outcome if this cycle is published already; else None.
 
-        Raises
-        ------
-        ComeAgainError
-            The currents are older than the last cycle's, or are stale and were used before.
+        Raises ComeAgainError if the currents are older than the last cycle's, or are stale and were
+        used before.
         """
         latest, newest = self.cycles.latest, self.newest
         if base_of(latest) == base_of(newest.cycle):

@@ -128,12 +128,8 @@ class Planning:
     def prepare(self, workers: Fleet | LocalWorkers) -> None:
         """Make all charts and currents that are not stored yet.
 
-        Raises
-        ------
-        ComeAgainError
-            No current is available yet.
-        StageError
-            No current could be prepared, for other reasons than its data.
+        Raises ComeAgainError if no current is available yet; StageError if no current could be
+        prepared, for other reasons than its data.
         """
         of_charts = dict[Path, NightCase]()
         of_currents = dict[Path, NightCase]()

@@ -72,13 +72,7 @@ def write_record(
 
 
 def record_of(folder: Path) -> dict[str, Any]:
-    """Read the record of a finished cycle.
-
-    Raises
-    ------
-    StageError
-        The record can't be read.
-    """
+    """Read the record of a finished cycle; StageError if the record can't be read."""
     try:
         record: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
         record["sha256"].items()
@@ -250,10 +244,7 @@ def _described(folder: Path) -> str:
 def case_lines(output: Path, asked: str) -> Iterator[str]:
     """Yield the last cycle's values of all cases whose names are or begin with `asked`.
 
-    Raises
-    ------
-    RequestError
-        There is no cycle, or it has no such case.
+    Raises RequestError if there is no cycle, or it has no such case.
     """
     cycles = Cycles(output)
     if not cycles.latest:

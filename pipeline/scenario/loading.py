@@ -86,10 +86,8 @@ def load_scenario(
 def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
     """Check a scenario's table, and resolve its catalogue names and paths (from `folder`).
 
-    Raises
-    ------
-    RequestError
-        One line for each faulty key; or, where all keys are valid, for each fault between them.
+    Raises RequestError with a line for each faulty key; or, where all keys are valid, for each
+    fault between them.
     """
     scenario = validated(Scenario, data, folder=folder or working_directory())
     faults = [

@@ -188,11 +188,8 @@ def _replanned(
 ) -> tuple[renew.Plan, ReplanFigures]:
     """Return the plan from where the vessel is on, and what it changes.
 
-    Raises
-    ------
-    renew.PlanningError
-        There is no way to the goal, with the ways to havens; or the vessel can't be where it is
-        said to be.
+    Raises renew.PlanningError if there is no way to the goal, with the ways to havens; or the
+    vessel can't be where it is said to be.
     """
     asked = Request.of(
         case.chart,

@@ -138,12 +138,8 @@ def _run_on_scheduler(
 ) -> None:
     """Run tasks on a scheduler's workers.
 
-    If the scheduler or all workers die, the unfinished tasks are reported as failed.
-
-    Raises
-    ------
-    StageError
-        The scheduler can't be reached or has no workers, or a worker can't plan.
+    If the scheduler or all workers die, the unfinished tasks are reported as failed. Raises
+    StageError if the scheduler can't be reached or has no workers, or a worker can't plan.
     """
     waiting = _Tasks(tasks, on_status, tries=_TRIES)
     with fleet(address, tasks[0].cases_path, limit_s) as workers:

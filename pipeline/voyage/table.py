@@ -137,12 +137,7 @@ def read(
     Empty values are left out. `rules` yields the faults between options: it is called with the
     values that could be read and with all values as they were given, None for an option that was
     left out, and with the spelling. `known` are faults found before; a required value may then be
-    None.
-
-    Raises
-    ------
-    RequestError
-        The message has a line for each fault, with its option as the asker writes it.
+    None. Raises RequestError with a line for each fault, with its option as the asker writes it.
     """
     at = spelling(table, asker)
     asked: dict[str, Any] = {}

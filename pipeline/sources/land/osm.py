@@ -152,10 +152,7 @@ def _near(bounds: FloatArray, box: shapely.Polygon, least_deg: float) -> IntArra
 def write_cached(path: Path, wkb: bytes) -> None:
     """Write the polygons of a WKB MultiPolygon, with a table of their bounds.
 
-    Raises
-    ------
-    OSError
-        The file can't be written; nothing is left of it.
+    Raises OSError if the file can't be written; nothing is left of it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_abandoned(path.parent)
