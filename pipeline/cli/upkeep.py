@@ -64,10 +64,8 @@ def examine(output: Path, *, offline: bool = False) -> Iterator[Finding]:
 
     Parameters
     ----------
-    output
-        Folder of results; it need not exist, and is not created.
-    offline
-        Don't check the login at the service for currents.
+    output : folder of results; it need not exist, and is not created.
+    offline : don't check the login at the service for currents.
     """
     login = begun(partial(check_login, offline=offline))  # while the other checks are made
     checks: dict[str, Callable[[], Finding]] = {

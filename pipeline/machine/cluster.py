@@ -139,19 +139,13 @@ def make(task: WorkerTask, identity: str, limit_s: float) -> Any:  # noqa: ANN40
 def fleet(address: str, shared: Path, limit_s: float = math.inf) -> "Iterator[Fleet]":
     """Connect to a scheduler, and yield its workers.
 
+    Raises StageError if the scheduler can't be reached or has no workers, or a worker can't plan.
+
     Parameters
     ----------
-    address
-        The scheduler's address.
-    shared
-        A file that all workers must be able to read.
-    limit_s
-        Time limit of a task, s.
-
-    Raises
-    ------
-    StageError
-        The scheduler can't be reached or has no workers, or a worker can't plan.
+    address : the scheduler's address.
+    shared : a file that all workers must be able to read.
+    limit_s : time limit of a task, s.
     """
     with quiet(), _client(address) as client:
         connected = Fleet(address, client, limit_s)

@@ -219,14 +219,11 @@ def prune(
 
     Parameters
     ----------
-    root
-        The store's folder.
-    max_bytes
-        Size that may remain; files used longest ago are removed first.
-    used_before
-        All files last used before this time (s since 1970) are removed.
-    keep_since
-        All files used after this time (s since 1970) stay, whatever their size; 0 for no limit.
+    root : the store's folder.
+    max_bytes : size that may remain; files used longest ago are removed first.
+    used_before : all files last used before this time (s since 1970) are removed.
+    keep_since : all files used after this time (s since 1970) stay, whatever their size; 0 for no
+        limit.
     """
     remove_unfinished(root)
     items = sorted(_items(root))

@@ -68,10 +68,8 @@ class Worker:
 
     Parameters
     ----------
-    data_bytes
-        Size of the process's data above which it gets no more memory; 0: no limit.
-    variables
-        Environment variables of the process, beside those of this one.
+    data_bytes : size of the process's data above which it gets no more memory; 0: no limit.
+    variables : environment variables of the process, beside those of this one.
     """
 
     def __init__(self, data_bytes: int = 0, variables: Mapping[str, str] | None = None) -> None:
@@ -255,14 +253,10 @@ class LocalWorkers:
 
     Parameters
     ----------
-    count
-        Number of processes.
-    limit_s
-        Time limit of a task, s; after it its process is killed.
-    resident_bytes
-        Memory of a process above which it is killed; 0: no limit.
-    variables
-        As those of `Worker`.
+    count : number of processes.
+    limit_s : time limit of a task, s; after it its process is killed.
+    resident_bytes : memory of a process above which it is killed; 0: no limit.
+    variables : as those of `Worker`.
     """
 
     def __init__(

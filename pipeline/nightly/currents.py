@@ -85,17 +85,13 @@ def newest_currents(
 ) -> Newest:
     """Find the available currents, and name the cycle after the newest.
 
+    Raises ComeAgainError if there are no currents yet; or some are dated in the future and the
+    clock was set back.
+
     Parameters
     ----------
-    now
-        The time of this machine's clock.
-    last_night
-        End of the last night according to this clock; None if unknown.
-
-    Raises
-    ------
-    ComeAgainError
-        There are no currents yet; or some are dated in the future and the clock was set back.
+    now : the time of this machine's clock.
+    last_night : end of the last night according to this clock; None if unknown.
     """
     members = {Path(member) for block in blocks for member in block.members if member is not None}
     fatal_files(sorted(members))  # all in one process, which is faster; the answers are cached

@@ -303,16 +303,11 @@ def page_text(
 
     Parameters
     ----------
-    newest
-        The cycle's currents.
-    cases
-        The rows of its cases.
-    notes
-        Sentences at the top of the page.
-    chart_of
-        Returns the chart of a case by its index; None if it could not be made.
-    earlier
-        Yesterday's routes by the case.
+    newest : the cycle's currents.
+    cases : the rows of its cases.
+    notes : sentences at the top of the page.
+    chart_of : returns the chart of a case by its index; None if it could not be made.
+    earlier : yesterday's routes by the case.
     """
     counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}

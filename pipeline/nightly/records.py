@@ -47,12 +47,9 @@ def write_record(
 
     Parameters
     ----------
-    files
-        Names of the cycle's files.
-    made
-        The time and the inputs of the cycle, and the numbers of its cases.
-    notes
-        Other matters that an operator should look at.
+    files : names of the cycle's files.
+    made : the time and the inputs of the cycle, and the numbers of its cases.
+    notes : other matters that an operator should look at.
     """
     from pipeline.formats.records import versions
 
@@ -98,8 +95,7 @@ def reason_to_revise(folder: Path, request: str, currents: str) -> str:
 
     Parameters
     ----------
-    request, currents
-        Hashes of tonight's request and of the newest currents.
+    request, currents : hashes of tonight's request and of the newest currents.
     """
     if faults := faults_of(folder):
         return "; ".join(f"{folder.name}/{name} {fault}" for name, fault in faults.items())

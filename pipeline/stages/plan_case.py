@@ -49,12 +49,10 @@ def plan_case(
 
     Parameters
     ----------
-    options
-        On a chart, with the clearance that the run has chosen.
-    on_step
-        Called with the case's name and each step of its plan, whose path is in lon/lat degrees.
-    havens
-        Under way the reason says which of them to turn off to.
+    options : on a chart, with the clearance that the run has chosen.
+    on_step : called with the case's name and each step of its plan, whose path is in lon/lat
+        degrees.
+    havens : under way the reason says which of them to turn off to.
     """
     result = planned(case, options, on_step, havens)
     return replace(result, measures=measured(case, result, options))

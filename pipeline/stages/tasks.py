@@ -87,18 +87,13 @@ def run_tasks(
 
     Parameters
     ----------
-    tasks
-        Independent of each other.
-    scheduler
-        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks run in
-        threads of this process, because a new process would take as long to import as a plan
+    tasks : independent of each other.
+    scheduler : address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks
+        run in threads of this process, because a new process would take as long to import as a plan
         takes. Tasks with a time limit run in processes, because a process can be killed.
-    on_status
-        Called in the caller's thread.
-    work
-        Does a task in a thread of this process, and returns its failure or "".
-    limit_s
-        Time limit of a task, s.
+    on_status : called in the caller's thread.
+    work : does a task in a thread of this process, and returns its failure or "".
+    limit_s : time limit of a task, s.
     """
     if not tasks:
         return

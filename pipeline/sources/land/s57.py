@@ -321,14 +321,10 @@ def land(
 
     Parameters
     ----------
-    cells
-        In the box's longitudes.
-    box
-        Lon/lat degrees; the chart is cut along it.
-    region
-        The part of the box that the notes and the accuracy refer to.
-    rule
-        Which depths are deep enough.
+    cells : in the box's longitudes.
+    box : lon/lat degrees; the chart is cut along it.
+    region : the part of the box that the notes and the accuracy refer to.
+    rule : which depths are deep enough.
     """
     least_m = rule.least_m
     parts = _visible_cells(cells, box)
