@@ -322,7 +322,7 @@ def _uppermost(
         if there := [field for field in fields if field.level == level]:
             fields = there
             break
-    if kinds := sorted({field.kind for field in fields} - quantity.kinds):
+    if kinds := sorted({field.kind for field in fields}.difference(quantity.kinds)):
         raise ValueError(
             f"its fields are neither those of a time nor means ({', '.join(kinds)}); give such"
         )
