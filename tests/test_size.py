@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_501, 28),
     "pipeline": (1_139, 13),
-    "pipeline/cli": (2_740, 6),
+    "pipeline/cli": (2_741, 6),
     "pipeline/findings": (3_997, 18),
     "pipeline/formats": (7_787, 14),
     "pipeline/geo": (854, 4),
