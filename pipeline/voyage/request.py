@@ -454,10 +454,7 @@ class VoyageRequest:
 def read_voyage(given: Mapping[str, Any], asker: Asker, known: Sequence[str] = ()) -> VoyageRequest:
     """Read the options of a voyage; the faults spell them as `asker` does.
 
-    Raises
-    ------
-    RequestError
-        The message has a line for each fault, after those `known` before.
+    Raises RequestError with a line for each fault, after those `known` before.
     """
     return read(VoyageRequest, given, asker, faults_of_pairs, known)
 

@@ -28,33 +28,23 @@ class Option:
 
     Parameters
     ----------
-    group
-        Heading under which the option stands in help and form; "" for an argument.
-    help
-        What it does; "{depart}" stands for another option as the asker writes it.
-    label, example
-        Its name in a form, by default made of `name`; and an example, or what is chosen if nothing
-        is.
-    read
-        Makes the typed value from a text; a value that is typed already stays. It raises
+    group : heading under which the option stands in help and form; "" for an argument.
+    help : what it does; "{depart}" stands for another option as the asker writes it.
+    label, example : its name in a form, by default made of `name`; and an example, or what is
+        chosen if nothing is.
+    read : makes the typed value from a text; a value that is typed already stays. It raises
         RequestError, or ValueError with a fault as each argument; the option's name is added.
-    kind
-        What is given: a "source" is a name of the catalogue or a file, a "place" a position.
-    field, default, is_required
-        The field, its default, and whether it has none; `options` fills them in.
-    name
-        Its name on the command line and in JSON, if it is not the field's name, which is the
+    kind : what is given: a "source" is a name of the catalogue or a file, a "place" a position.
+    field, default, is_required : the field, its default, and whether it has none; `options` fills
+        them in.
+    name : its name on the command line and in JSON, if it is not the field's name, which is the
         argument in Python.
-    metavar
-        What stands for its value in the help of the command line.
-    most
-        Largest number of values; 0 for an option that takes a single value.
-    section
-        Section of the catalogue with the names to choose from.
-    layer
-        Geometry of the layer that QGIS offers for a file.
-    is_of_run
-        True if it says how a job is run, not what is planned: a server sets it for all plans.
+    metavar : what stands for its value in the help of the command line.
+    most : largest number of values; 0 for an option that takes a single value.
+    section : section of the catalogue with the names to choose from.
+    layer : geometry of the layer that QGIS offers for a file.
+    is_of_run : true if it says how a job is run, not what is planned: a server sets it for all
+        plans.
     """
 
     field: str = ""
@@ -137,12 +127,7 @@ def read(
     Empty values are left out. `rules` yields the faults between options: it is called with the
     values that could be read and with all values as they were given, None for an option that was
     left out, and with the spelling. `known` are faults found before; a required value may then be
-    None.
-
-    Raises
-    ------
-    RequestError
-        The message has a line for each fault, with its option as the asker writes it.
+    None. Raises RequestError with a line for each fault, with its option as the asker writes it.
     """
     at = spelling(table, asker)
     asked: dict[str, Any] = {}

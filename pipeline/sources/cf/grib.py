@@ -269,10 +269,7 @@ def _values(path: Path, field: GribField) -> FloatArray:
 def as_dataset(path: Path, read: Read, quantity: Quantity) -> "xr.Dataset":
     """Return a quantity's fields as a dataset whose values are read when they are needed.
 
-    Raises
-    ------
-    ValueError
-        There are none, or they are not along time, latitude and longitude.
+    Raises ValueError if there are none, or they are not along time, latitude and longitude.
     """
     import xarray as xr
 
