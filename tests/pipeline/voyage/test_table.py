@@ -12,6 +12,7 @@ import pytest
 
 import pipeline
 from pipeline.errors import RequestError
+from pipeline.scenario.catalogue import names
 from pipeline.serve.app import page_files
 from pipeline.serve.plans import ASKED, PlanRequest
 from pipeline.voyage.request import UnderWayRequest, VoyageRequest
@@ -63,6 +64,7 @@ def test_python_has_every_option_and_says_what_it_does() -> None:
 def described() -> list[dict[str, Any]]:
     """The options of a voyage as JSON, for QGIS, whose Python can't import the table."""
     at = spelling(VoyageRequest, "page")
+    of_a_check = typed_options(commands()["renew check-route"])
     return [
         {
             "name": option.key,
@@ -72,6 +74,8 @@ def described() -> list[dict[str, Any]]:
             "help": help_text(option, at),
             "several": bool(option.most),
             "layer": option.layer,
+            **({"choices": list(names("vessels"))} if option.section == "vessels" else {}),
+            **({} if option.typed in of_a_check else {"only_plans": True}),
         }
         for option in FIELDS
         if not option.is_of_run
