@@ -90,9 +90,8 @@ class RequestError(PipelineError):
 
     Parameters
     ----------
-    faults
-        One or several texts; each has the value, the limit and the remedy. Faults that are equal
-        except for their place are reported once.
+    faults : one or several texts; each has the value, the limit and the remedy. Faults that are
+        equal except for their place are reported once.
     """
 
     exit_code = 2

@@ -44,28 +44,16 @@ def write(
     """Write all output files of a run into `directory`, which is created if needed.
 
     A file that is in an earlier run's manifest and is not written by this run is removed, so that
-    nobody sails an outdated route.
+    nobody sails an outdated route. Returns the files, the manifest last. Raises StageError if the
+    files can't be written; earlier files are unchanged. The message has the remedy.
 
     Parameters
     ----------
-    result
-        The planned and evaluated run.
-    directory
-        The run's own folder; see `output_directory`.
-    on_file
-        Called before each file is written, with its name and number: "report.html (3 of 12)".
-    late
-        Takes the unexpected errors of single files, which are left out; by default they are raised.
-
-    Returns
-    -------
-    tuple of Path
-        The files, the manifest last.
-
-    Raises
-    ------
-    StageError
-        The files can't be written; earlier files are unchanged. The message has the remedy.
+    result : the planned and evaluated run.
+    directory : the run's own folder; see `output_directory`.
+    on_file : called before each file is written, with its name and number: "report.html (3 of 12)".
+    late : takes the unexpected errors of single files, which are left out; by default they are
+        raised.
     """
     from pipeline.formats.records import write_manifest
 

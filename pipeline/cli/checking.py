@@ -81,6 +81,7 @@ def _json(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> d
 
     return {
         "season": one.given.season,
+        "said": [*checked_lines(one, route)],
         **figures(one.given.metrics, "json"),
         "duration_s": float(one.passed_s[-1]),
         "crosses": [

@@ -210,10 +210,7 @@ _TIME = {
 def write_currents(case: RunCase, path: Path) -> None:
     """Write the current of a case that has a grid to a new file at `path`.
 
-    Raises
-    ------
-    OSError
-        The file can't be written.
+    Raises OSError if the file can't be written.
     """
     import netCDF4
 

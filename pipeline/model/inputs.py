@@ -137,30 +137,12 @@ class Note:
 
 DECIDED = frozenset(
     {
-        "accuracy-assumed",
-        "areas-repaired",
-        "as-read",
-        "climatology-stands-in",
-        "current-at-depth",
-        "current-gaps-filled",
-        "current-means-lack",
-        "current-on-table",
-        "current-over-depth",
-        "current-stands-in",
-        "forecasts-overlap",
-        "joined-at-180",
-        "level-assumed",
-        "level-by-name",
-        "margin-narrowed",
-        "over-limit",
-        "pair-taken",
-        "steps-read",
-        "still-water",
-        "stop-moved",
-        "time-assumed",
-        "unit-assumed",
-        "waits-for-water",
-        "zeros-are-land",
+        *("accuracy-assumed", "areas-repaired", "as-read", "climatology-stands-in"),
+        *("current-at-depth", "current-gaps-filled", "current-means-lack", "current-on-table"),
+        *("current-over-depth", "current-stands-in", "forecasts-overlap", "joined-at-180"),
+        *("level-assumed", "level-by-name", "margin-narrowed", "over-limit", "pair-taken"),
+        *("steps-read", "still-water", "stop-moved", "time-assumed", "unit-assumed"),
+        *("waits-for-water", "zeros-are-land"),
     }
 )
 """Kinds of notes on choices that a name, an order or a default made, not the user or the data.
@@ -536,35 +518,23 @@ class CurrentSource(Protocol):
     def issue(self, case: Season) -> Issue:
         """Return which issue of the data there is now.
 
-        Raises
-        ------
-        StageError
-            The service does not say it.
-        RequestError
-            The user's own file is not there, or invalid.
+        Raises StageError if the service does not say it; RequestError if the user's own file is not
+        there, or invalid.
         """
         ...
 
     def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the current on the source's own grid.
 
+        Raises StageError if the data could not be downloaded, or failed the acceptance check;
+        RequestError if the user's own file is invalid.
+
         Parameters
         ----------
-        region
-            Lon/lat degrees.
-        case
-            The period, and how its field is made of time steps.
-        land
-            Land near the region, against which gaps in the data are checked.
-        folder
-            Where downloads are cached.
-
-        Raises
-        ------
-        StageError
-            The data could not be downloaded, or failed the acceptance check.
-        RequestError
-            The user's own file is invalid.
+        region : lon/lat degrees.
+        case : the period, and how its field is made of time steps.
+        land : land near the region, against which gaps in the data are checked.
+        folder : where downloads are cached.
         """
         ...
 

@@ -169,10 +169,7 @@ def _spelled(value: object) -> object:
 def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | None) -> None:
     """Write the layer from a cycle's routes; its date is the currents' reference time.
 
-    Raises
-    ------
-    OSError
-        The file can't be written, or is incomplete afterwards.
+    Raises OSError if the file can't be written, or is incomplete afterwards.
     """
     path.unlink(missing_ok=True)
     best: dict[tuple[int, str], Row] = {}
@@ -306,16 +303,11 @@ def page_text(
 
     Parameters
     ----------
-    newest
-        The cycle's currents.
-    cases
-        The rows of its cases.
-    notes
-        Sentences at the top of the page.
-    chart_of
-        Returns the chart of a case by its index; None if it could not be made.
-    earlier
-        Yesterday's routes by the case.
+    newest : the cycle's currents.
+    cases : the rows of its cases.
+    notes : sentences at the top of the page.
+    chart_of : returns the chart of a case by its index; None if it could not be made.
+    earlier : yesterday's routes by the case.
     """
     counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}
@@ -386,38 +378,16 @@ def _over_members(row: Row) -> Row:
 ITEM_FILE = "item.json"
 _VERSION = "1.1.0"
 _PARQUET = "application/vnd.apache.parquet"
+_SQLITE = "application/geopackage+sqlite3"
 _ASSETS = {
-    "cases": (
-        CASES_FILE,
-        _PARQUET,
-        "One row per case: its best route, and what changed",
-        ["data"],
-    ),
-    "routes": (ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
-    "geopackage": (
-        GEOPACKAGE_FILE,
-        "application/geopackage+sqlite3",
-        "The best routes, for a GIS",
-        ["data"],
-    ),
-    "changes": (
-        CHANGES_FILE,
-        "text/csv",
-        "What changed since the cycle before",
-        ["metadata"],
-    ),
-    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
-    "page": (PAGE_FILE, "text/html", "What to look at", ["overview"]),
+    "cases": (CASES_FILE, _PARQUET, "One row per case: its best route, and what changed", "data"),
+    "routes": (ROUTES_FILE, _PARQUET, "One row per route", "data"),
+    "geopackage": (GEOPACKAGE_FILE, _SQLITE, "The best routes, for a GIS", "data"),
+    "changes": (CHANGES_FILE, "text/csv", "What changed since the cycle before", "metadata"),
+    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", "metadata"),
+    "page": (PAGE_FILE, "text/html", "What to look at", "overview"),
 }
-RESULTS = (
-    CASES_FILE,
-    ROUTES_FILE,
-    GEOPACKAGE_FILE,
-    CHANGES_FILE,
-    HISTORY_FILE,
-    PAGE_FILE,
-    ITEM_FILE,
-)
+RESULTS = (*(name for name, *_ in _ASSETS.values()), ITEM_FILE)
 """The files of a cycle except `night.json`, which is written after the others are checked."""
 
 
@@ -445,8 +415,8 @@ def item_text(
         },
         "links": [{"rel": "self", "href": f"./{ITEM_FILE}", "type": "application/geo+json"}],
         "assets": {
-            key: {"href": f"./{name}", "type": kind, "title": title, "roles": roles}
-            for key, (name, kind, title, roles) in _ASSETS.items()
+            key: {"href": f"./{name}", "type": kind, "title": title, "roles": [role]}
+            for key, (name, kind, title, role) in _ASSETS.items()
         },
     }
     return json.dumps(item, indent=2) + "\n"
@@ -461,12 +431,8 @@ def write_files(
     """Write all files of a cycle into its unfinished folder.
 
     `history` is that of earlier nights; `notes` begin the cycle's page. Returns the numbers of
-    cases and the planning time, s, under their names in `night.json`.
-
-    Raises
-    ------
-    StageError
-        No case could be planned, or a file can't be written.
+    cases and the planning time, s, under their names in `night.json`. Raises StageError if no case
+    could be planned, or a file can't be written.
     """
     newest, partial = planning.newest, planning.partial
     rows = [row for case in planning.cases for row in partial.rows[case.index]]
@@ -518,10 +484,7 @@ def _charts(planning: Planning) -> Callable[[int], NightChart | None]:
 def check_files(folder: Path, count: int) -> None:
     """Check that every case has a row, every file can be opened, and counts agree.
 
-    Raises
-    ------
-    StageError
-        A check failed; the message lists all faults.
+    Raises StageError if a check failed; the message lists all faults.
     """
     faults = []
     try:

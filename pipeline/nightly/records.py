@@ -47,12 +47,9 @@ def write_record(
 
     Parameters
     ----------
-    files
-        Names of the cycle's files.
-    made
-        The time and the inputs of the cycle, and the numbers of its cases.
-    notes
-        Other matters that an operator should look at.
+    files : names of the cycle's files.
+    made : the time and the inputs of the cycle, and the numbers of its cases.
+    notes : other matters that an operator should look at.
     """
     from pipeline.formats.records import versions
 
@@ -72,13 +69,7 @@ def write_record(
 
 
 def record_of(folder: Path) -> dict[str, Any]:
-    """Read the record of a finished cycle.
-
-    Raises
-    ------
-    StageError
-        The record can't be read.
-    """
+    """Read the record of a finished cycle; StageError if the record can't be read."""
     try:
         record: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
         record["sha256"].items()
@@ -104,8 +95,7 @@ def reason_to_revise(folder: Path, request: str, currents: str) -> str:
 
     Parameters
     ----------
-    request, currents
-        Hashes of tonight's request and of the newest currents.
+    request, currents : hashes of tonight's request and of the newest currents.
     """
     if faults := faults_of(folder):
         return "; ".join(f"{folder.name}/{name} {fault}" for name, fault in faults.items())
@@ -250,10 +240,7 @@ def _described(folder: Path) -> str:
 def case_lines(output: Path, asked: str) -> Iterator[str]:
     """Yield the last cycle's values of all cases whose names are or begin with `asked`.
 
-    Raises
-    ------
-    RequestError
-        There is no cycle, or it has no such case.
+    Raises RequestError if there is no cycle, or it has no such case.
     """
     cycles = Cycles(output)
     if not cycles.latest:

@@ -122,10 +122,7 @@ class CurrentTask:
     def make(self) -> None:
         """Fetch the current, project it to the chart's plane, and store it, unless it is stored.
 
-        Raises
-        ------
-        StageError
-            No source has the current, or the chart is missing.
+        Raises StageError if no source has the current, or the chart is missing.
         """
         if load_artefact(self.path, NightCurrent) is not None:
             return

@@ -351,10 +351,8 @@ def vessel_of_file(file: Path, label: str) -> VesselSpec:
 def scenario_path(asked: str) -> Path:
     """Return the file of a scenario: a name in the catalogue, or a path that exists.
 
-    Raises
-    ------
-    RequestError
-        There is no such name or path, or it is a directory; the message suggests a similar name.
+    Raises RequestError if there is no such name or path, or it is a directory; the message suggests
+    a similar name.
     """
     named = root() / "scenarios" / f"{asked}.toml"
     if asked in names("scenarios"):

@@ -45,22 +45,15 @@ def load_scenario(
 ) -> Scenario:
     """Load a scenario by its name in the catalogue, by its path, or from a file that was read.
 
+    Raises RequestError if not found, not a scenario, or invalid: one line for each fault.
+
     Parameters
     ----------
-    asked
-        The name, the path or the file. Relative paths in the file start at its own folder.
-    charts
-        Tables of sources of land that replace those of the scenario's chart.
-    currents
-        Files that belong together, and sources of the catalogue in order of preference: they
+    asked : the name, the path or the file. Relative paths in the file start at its own folder.
+    charts : tables of sources of land that replace those of the scenario's chart.
+    currents : files that belong together, and sources of the catalogue in order of preference: they
         replace every season's currents; seasons that embedded tables lack are left out.
-    on_note
-        Called with a note for each season left out.
-
-    Raises
-    ------
-    RequestError
-        Not found, not a scenario, or invalid: one line for each fault.
+    on_note : called with a note for each season left out.
     """
     path, _, table = catalogue.read_scenario(asked) if isinstance(asked, str) else asked
     if not {"start", "goal", "seasons"} & table.keys():
@@ -86,10 +79,8 @@ def load_scenario(
 def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
     """Check a scenario's table, and resolve its catalogue names and paths (from `folder`).
 
-    Raises
-    ------
-    RequestError
-        One line for each faulty key; or, where all keys are valid, for each fault between them.
+    Raises RequestError with a line for each faulty key; or, where all keys are valid, for each
+    fault between them.
     """
     scenario = validated(Scenario, data, folder=folder or working_directory())
     faults = [

@@ -69,13 +69,7 @@ _UNITS = {"min": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(d
 
 
 def interval(text: str) -> timedelta:
-    """Read an interval.
-
-    Raises
-    ------
-    ValueError
-        The text is no interval, or 0.
-    """
+    """Read an interval; ValueError if the text is no interval, or 0."""
     parts = _INTERVAL.fullmatch(text)
     if not parts:
         raise strict.RemediedError(

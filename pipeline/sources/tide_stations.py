@@ -106,10 +106,7 @@ class Station:
 def find_station(asked: str | Path) -> Station:
     """Read a station by its name in the catalogue, or by its path.
 
-    Raises
-    ------
-    RequestError
-        It is not there, or its file can't be used: one line for each fault.
+    Raises RequestError if it is not there, or its file can't be used: one line for each fault.
     """
     named = catalogue.stations()
     if str(asked) in named:

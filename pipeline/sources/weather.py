@@ -32,10 +32,8 @@ def weather_grids(
 ) -> dict[str, CurrentGrid]:
     """Read the fields that have a limit, on the clock of a season, by the name of the limit.
 
-    Raises
-    ------
-    RequestError
-        A file can't be read, or lacks the region or the departure; all faults are listed.
+    Raises RequestError if a file can't be read, or lacks the region or the departure; all faults
+    are listed.
     """
     found, faults = dict[str, CurrentGrid](), list[str]()
     for name, source in weather_files(spec, limits):

@@ -45,13 +45,9 @@ def fetch(
 ) -> Fetched:
     """Fetch land and every case's current; if `strict`, only from each case's first source.
 
-    Raises
-    ------
-    RequestError
-        No case has a source that is available and covers the region.
-    StageError
-        Sources were tried and none returned data; or, if `strict`, a case would use another source
-        than its first.
+    Raises RequestError if no case has a source that is available and covers the region; StageError
+    if sources were tried and none returned data; or, if `strict`, a case would use another source
+    than its first.
     """
     if scenario.plane is not None:
         return _plane_data(scenario, scenario.plane)
@@ -118,10 +114,7 @@ def _region_data(scenario: Scenario, fetcher: "Fetcher") -> Fetched:
 def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     """Return the data with wind and waves, as far as the vessel has limits for them.
 
-    Raises
-    ------
-    RequestError
-        The files can't be used; all faults are listed.
+    Raises RequestError if the files can't be used; all faults are listed.
     """
     if scenario.limits is None or scenario.region is None:
         return fetched

@@ -214,10 +214,8 @@ def avoided_zones(
 ) -> tuple[tuple[Zone, ...], tuple[Note, ...]]:
     """Return the avoided areas near a region (lon/lat degrees), in their order, and notes on them.
 
-    Raises
-    ------
-    RequestError
-        A file can't be read, or has no area near the region; all faults are listed.
+    Raises RequestError if a file can't be read, or has no area near the region; all faults are
+    listed.
     """
     zones, notes, faults = list[Zone](), list[Note](), list[str]()
     for at, area in enumerate(avoid):
@@ -379,13 +377,9 @@ def tidal_depth(
     """Return the tidal water of a chart in the plane, on any clock that begins at a departure.
 
     Areas are grown by the chart's margin, as land is. Where land parts them from every station, so
-    that none is near by water, they are never deep enough.
-
-    Raises
-    ------
-    RequestError
-        Chart and stations have different datums, some water has no station near it, or a departure
-        lies outside the hours of official levels.
+    that none is near by water, they are never deep enough. Raises RequestError if chart and
+    stations have different datums, some water has no station near it, or a departure lies outside
+    the hours of official levels.
     """
     if spec is None:
         return lambda _: None

@@ -49,12 +49,10 @@ def plan_case(
 
     Parameters
     ----------
-    options
-        On a chart, with the clearance that the run has chosen.
-    on_step
-        Called with the case's name and each step of its plan, whose path is in lon/lat degrees.
-    havens
-        Under way the reason says which of them to turn off to.
+    options : on a chart, with the clearance that the run has chosen.
+    on_step : called with the case's name and each step of its plan, whose path is in lon/lat
+        degrees.
+    havens : under way the reason says which of them to turn off to.
     """
     result = planned(case, options, on_step, havens)
     return replace(result, measures=measured(case, result, options))
@@ -188,11 +186,8 @@ def _replanned(
 ) -> tuple[renew.Plan, ReplanFigures]:
     """Return the plan from where the vessel is on, and what it changes.
 
-    Raises
-    ------
-    renew.PlanningError
-        There is no way to the goal, with the ways to havens; or the vessel can't be where it is
-        said to be.
+    Raises renew.PlanningError if there is no way to the goal, with the ways to havens; or the
+    vessel can't be where it is said to be.
     """
     asked = Request.of(
         case.chart,

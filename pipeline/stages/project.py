@@ -72,12 +72,8 @@ def projected(
 ) -> Artefact[tuple[Case, ...]]:
     """Build a scenario's cases, or load them from the store.
 
-    With a voyage `before`, the keys of the currents depend on it, too.
-
-    Raises
-    ------
-    RequestError
-        For the reasons of `project`, or the no-go zone leaves no water.
+    With a voyage `before`, the keys of the currents depend on it, too. Raises RequestError for the
+    reasons of `project`, or if the no-go zone leaves no water.
     """
 
     def make() -> tuple[Case, ...]:
@@ -118,12 +114,8 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
 def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) -> tuple[Case, ...]:
     """Build a case for each season of the scenario that has a current.
 
-    Raises
-    ------
-    RequestError
-        Start or goal is on land, or they lie in different bodies of water; all faults are listed.
-    renew.GeometryError
-        The no-go zone leaves no water.
+    Raises RequestError if start or goal is on land, or they lie in different bodies of water; all
+    faults are listed; renew.GeometryError if the no-go zone leaves no water.
     """
     water = water_of(scenario, fetched.land, simplified)
     grids = {grid.case: grid for grid in fetched.currents}

@@ -87,18 +87,13 @@ def run_tasks(
 
     Parameters
     ----------
-    tasks
-        Independent of each other.
-    scheduler
-        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks run in
-        threads of this process, because a new process would take as long to import as a plan
+    tasks : independent of each other.
+    scheduler : address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks
+        run in threads of this process, because a new process would take as long to import as a plan
         takes. Tasks with a time limit run in processes, because a process can be killed.
-    on_status
-        Called in the caller's thread.
-    work
-        Does a task in a thread of this process, and returns its failure or "".
-    limit_s
-        Time limit of a task, s.
+    on_status : called in the caller's thread.
+    work : does a task in a thread of this process, and returns its failure or "".
+    limit_s : time limit of a task, s.
     """
     if not tasks:
         return
@@ -138,12 +133,8 @@ def _run_on_scheduler(
 ) -> None:
     """Run tasks on a scheduler's workers.
 
-    If the scheduler or all workers die, the unfinished tasks are reported as failed.
-
-    Raises
-    ------
-    StageError
-        The scheduler can't be reached or has no workers, or a worker can't plan.
+    If the scheduler or all workers die, the unfinished tasks are reported as failed. Raises
+    StageError if the scheduler can't be reached or has no workers, or a worker can't plan.
     """
     waiting = _Tasks(tasks, on_status, tries=_TRIES)
     with fleet(address, tasks[0].cases_path, limit_s) as workers:

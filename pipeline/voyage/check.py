@@ -78,14 +78,9 @@ def check_route(
 ) -> tuple[RunResult, tuple[CheckedRoute, ...]]:
     """Check a route in the current of each case of a request between its ends.
 
-    `asked` is the request's scenario, with notes on how it was read.
-
-    Raises
-    ------
-    RequestError
-        The request is wrong, an end lies too far from water, or the currents end on the way.
-    StageError
-        A source can't be used.
+    `asked` is the request's scenario, with notes on how it was read. Raises RequestError if the
+    request is wrong, an end lies too far from water, or the currents end on the way; StageError if
+    a source can't be used.
     """
     if request.chooses_speeds:
         raise RequestError("--speed: a route is checked at one speed; give one, such as 12kn")

@@ -164,10 +164,7 @@ def run_or_keep(request: VoyageRequest, scenario: Scenario, **reports: Any) -> O
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     """Return the scenario of a request, without a region, and notes on ambiguous positions.
 
-    Raises
-    ------
-    RequestError
-        The message has a line for each fault.
+    Raises RequestError with a line for each fault.
     """
     start, goal = joined(request.start, request.goal)
     via = tuple(continued(point, start.lon) for point in request.via)

@@ -426,8 +426,8 @@ class EnsemblePlan:
     @property
     def waiting_saves(self) -> float:
         """Mean fuel that is saved if the member is known before the class is chosen."""
-        chosen = float(self.statistics["mean"][self.plan.chosen])
-        return chosen - float(self.fuels.min(axis=0) @ self.members.weights)
+        excess = _difference(self.fuels[self.plan.chosen], self.fuels.min(axis=0))
+        return float(_mean(excess, self.members.weights))
 
     def gap(self, name: Statistic) -> float:
         """Share by which a statistic of the best route is above its bound; inf without a bound."""

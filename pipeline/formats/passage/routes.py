@@ -270,11 +270,7 @@ def write_rtz(case: RunCase, path: Path, *, departure: datetime | None = None) -
 
     The stem of the file becomes the route's name, since ECDIS want the two to be equal. Without a
     departure (and its time zone) the file has the speed and duration of each leg, but no times.
-
-    Raises
-    ------
-    ValueError
-        A departure without a time zone.
+    Raises ValueError for a departure without a time zone.
     """
     text = rtz_text(case_waypoints(case)[0], path.stem, departure)
     path.write_text(text, encoding="utf-8")

@@ -377,10 +377,7 @@ def leg_text(points: Waypoints, leg: int) -> str:
 def time_after(departure: datetime, seconds: float) -> datetime:
     """Return the time (UTC, whole seconds) at `seconds` after departure.
 
-    Raises
-    ------
-    ValueError
-        A departure without a time zone, which is ambiguous.
+    Raises ValueError for a departure without a time zone, which is ambiguous.
     """
     if departure.tzinfo is None:
         raise ValueError(f"departure {departure.isoformat()} has no time zone; add one, such as Z")

@@ -272,12 +272,8 @@ def read_checked_fields(
 ) -> tuple[Field, tuple[Note, ...]]:
     """Read the fields of selected steps, check each in a wide window, and keep its part in bounds.
 
-    Returns the fields of all times, and notes on them.
-
-    Raises
-    ------
-    RequestError
-        The file is damaged, or its fields can't be currents of the region.
+    Returns the fields of all times, and notes on them. Raises RequestError if the file is damaged,
+    or its fields can't be currents of the region.
     """
     name = name_of(contents.files)
     window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))

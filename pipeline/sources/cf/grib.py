@@ -269,10 +269,7 @@ def _values(path: Path, field: GribField) -> FloatArray:
 def as_dataset(path: Path, read: Read, quantity: Quantity) -> "xr.Dataset":
     """Return a quantity's fields as a dataset whose values are read when they are needed.
 
-    Raises
-    ------
-    ValueError
-        There are none, or they are not along time, latitude and longitude.
+    Raises ValueError if there are none, or they are not along time, latitude and longitude.
     """
     import xarray as xr
 
@@ -325,7 +322,7 @@ def _uppermost(
         if there := [field for field in fields if field.level == level]:
             fields = there
             break
-    if kinds := sorted({field.kind for field in fields} - quantity.kinds):
+    if kinds := sorted({field.kind for field in fields}.difference(quantity.kinds)):
         raise ValueError(
             f"its fields are neither those of a time nor means ({', '.join(kinds)}); give such"
         )

@@ -298,12 +298,7 @@ def accept(
     """Read a NetCDF file and return its fields, or refuse it with all reasons.
 
     `missing_boxes` hold the centres of the cells for which the service has no chunk, which should
-    be land.
-
-    Raises
-    ------
-    StageError
-        The file can't be read, or does not have the requested content.
+    be land. Raises StageError if the file can't be read, or does not have the requested content.
     """
     try:
         with open_dataset(path) as dataset, reading():

@@ -67,13 +67,8 @@ def select(
     """Select the steps of a dataset that make up a period's field, or fields that change.
 
     Returns these steps alone, each with the time for which it is valid and its label, and which of
-    them make up each field.
-
-    Raises
-    ------
-    ValueError
-        The dataset is a climatology, and changes between its months are asked for; or its steps are
-        longer than the period.
+    them make up each field. Raises ValueError if the dataset is a climatology, and changes between
+    its months are asked for; or its steps are longer than the period.
     """
     middle = period.begin + (period.end - period.begin) / 2
     if spec.kind == "climatology":
@@ -216,12 +211,8 @@ def download(
 
     `accept` is given the answer of `subset`: `version` and `part` of the dataset, `stamps` of the
     first and the last step, and the `missing_boxes` of the service. Where it raises StageError, the
-    file is downloaded again.
-
-    Raises
-    ------
-    StageError
-        All attempts failed or exceeded their deadlines, or one failed with a permanent error.
+    file is downloaded again. Raises StageError if all attempts failed or exceeded their deadlines,
+    or one failed with a permanent error.
     """
     spec = asked.spec
     request = {
@@ -257,10 +248,7 @@ def download(
 def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
     """Ask for a dataset's last time step (aware, UTC) and its version, once.
 
-    Raises
-    ------
-    StageError
-        The service does not answer, or its answer does not state them.
+    Raises StageError if the service does not answer, or its answer does not state them.
     """
     request = {
         "version": spec.version,

@@ -113,10 +113,7 @@ class Cell:
 def base_files(path: Path) -> tuple[Path, ...]:
     """Find the base files (.000) of all cells in a folder and below it, or the one given.
 
-    Raises
-    ------
-    RequestError
-        The folder holds too many files to be one of charts.
+    Raises RequestError if the folder holds too many files to be one of charts.
     """
     if not path.is_dir():
         return (path,) if path.suffix == ".000" else ()
@@ -140,12 +137,8 @@ def cell_files(base: Path) -> tuple[Path, ...]:
 def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell | None:
     """Read a cell's objects of some classes near a box (lon/lat degrees).
 
-    None where the cell has no data near it.
-
-    Raises
-    ------
-    RequestError
-        It can't be read, an update is missing, or it violates the product specification.
+    None where the cell has no data near it. Raises RequestError if it can't be read, an update is
+    missing, or it violates the product specification.
     """
     pyogrio = shapes.vector_library()
 
@@ -328,14 +321,10 @@ def land(
 
     Parameters
     ----------
-    cells
-        In the box's longitudes.
-    box
-        Lon/lat degrees; the chart is cut along it.
-    region
-        The part of the box that the notes and the accuracy refer to.
-    rule
-        Which depths are deep enough.
+    cells : in the box's longitudes.
+    box : lon/lat degrees; the chart is cut along it.
+    region : the part of the box that the notes and the accuracy refer to.
+    rule : which depths are deep enough.
     """
     least_m = rule.least_m
     parts = _visible_cells(cells, box)
@@ -617,10 +606,7 @@ class S57Chart:
 def find_cells(path: Path) -> tuple[Path, ...]:
     """Find the base files of the cells in a folder and below it, each cell once.
 
-    Raises
-    ------
-    RequestError
-        There is no cell, a cell is there twice, or a file can't be read.
+    Raises RequestError if there is no cell, a cell is there twice, or a file can't be read.
     """
     bases = base_files(path)
     if not bases:

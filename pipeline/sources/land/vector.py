@@ -403,11 +403,8 @@ _REMEDY = "give points, as GeoJSON, GeoPackage, or CSV with the columns name, lo
 def read_havens(path: Path) -> dict[str, Place]:
     """Return the havens of a file by name, in its order; those without a name are numbered.
 
-    Raises
-    ------
-    RequestError
-        No such file; no points, other geometries, or too many; a place that is not on earth; two
-        havens of one name.
+    Raises RequestError for no such file; no points, other geometries, or too many; a place that is
+    not on earth; two havens of one name.
     """
     require_readable([path], "havens.path")
     pyogrio = shapes.vector_library()
