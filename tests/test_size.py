@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_110, 13),
     "pipeline/cli": (2_572, 6),
     "pipeline/findings": (3_850, 18),
-    "pipeline/formats": (7_661, 14),
+    "pipeline/formats": (7_658, 14),
     "pipeline/geo": (849, 4),
     "pipeline/machine": (1_593, 10),
     "pipeline/model": (1_532, 37),
