@@ -9,13 +9,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from pipeline._types import FloatArray
-from pipeline.errors import (
-    LateFaults,
-    NoWayError,
-    PipelineError,
-    RequestError,
-    StageError,
-)
+from pipeline.errors import LateFaults, NoWayError, PipelineError, RequestError, StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
 from pipeline.findings.text import clearance, environment, fuel, season_name, season_text

@@ -118,7 +118,7 @@ class CaseFacts:
             more = bound / best.fuel - 1
             # The bound may be hardly above the best route's fuel.
             needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
-            return f"Proven in this current: any way on the other side needs {needs}."
+            return f"Proven in this current: any other side needs {needs}."
         # The gap is above the bound for all sides, which may be the better one.
         gap = best.optimality_gap if best.optimality_gap >= 0 else math.inf
         saved = 1 - 1 / (1 + gap)

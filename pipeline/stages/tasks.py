@@ -126,10 +126,7 @@ def _run_in_threads(
 
 
 def _run_on_scheduler(
-    tasks: Sequence[StoredTask],
-    address: str,
-    on_status: Callable[[Status], None],
-    limit_s: float,
+    tasks: Sequence[StoredTask], address: str, on_status: Callable[[Status], None], limit_s: float
 ) -> None:
     """Run tasks on a scheduler's workers.
 

@@ -104,9 +104,7 @@ def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
     """Return waypoints of a route, each describing the leg that leaves it."""
     ranked = points.ranked
     route = gpxpy.gpx.GPXRoute(
-        name=route_name(ranked),
-        description=_summary(points.metrics, ranked),
-        number=ranked.rank,
+        name=route_name(ranked), description=_summary(points.metrics, ranked), number=ranked.rank
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
         point = gpxpy.gpx.GPXRoutePoint(
@@ -160,8 +158,7 @@ def _track(ranked: RankedRoute, departure: datetime | None) -> gpxpy.gpx.GPXTrac
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
     track = gpxpy.gpx.GPXTrack(
-        name=f"{route_name(ranked)}, as planned",
-        description=_summary(ranked.metrics, ranked),
+        name=f"{route_name(ranked)}, as planned", description=_summary(ranked.metrics, ranked)
     )
     track.segments = [segment]
     return track
