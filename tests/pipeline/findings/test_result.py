@@ -205,9 +205,10 @@ def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> Non
 def test_the_first_of_each_side_and_what_is_not_dear_is_followed() -> None:
     case = small_run.parts().cases[0]
     planned = case.routes[0]
-    given = [("east", 100.0), ("east", 124.0), ("east", 126.0), ("west", 190.0), ("west", 195.0)]
+    east, west = Passage("east", ("Cebu",)), Passage("west", ("Cebu",))
+    given = [(east, 100.0), (east, 124.0), (east, 126.0), (west, 190.0), (west, 195.0)]
     rows = [
-        replace(planned.metrics, rank=rank, fuel=fuel, passages=(Passage(side, ("Cebu",)),))
+        replace(planned.metrics, rank=rank, fuel=fuel, passages=(side,))
         for rank, (side, fuel) in enumerate(given, start=1)
     ]
     vars(case)["routes"] = tuple(replace(planned, rank=row.rank, metrics=row) for row in rows)
