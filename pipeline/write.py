@@ -140,9 +140,9 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
     from pipeline.formats.passage import missions, routes
 
     timed, stem = {"departure": case.spec.departure}, case.stem
-    sides = [one.metrics.main_passage for one in case.routes]
+    sides = [one.metrics.main_passage for one in case.followed]
     others: dict[str, Format] = {}
-    if len(sides) > min(2, len(set(sides))):  # else the other file has every route
+    if len(sides) > min(2, len(set(sides))):  # else the other file has all of them
         others = {f"{stem}-all.gpx": _of(routes.write_gpx, case, every=True, **timed)}
     return others | {
         f"{stem}.rtz": _of(routes.write_rtz, case, **timed),

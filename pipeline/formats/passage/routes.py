@@ -1,7 +1,7 @@
 """Routes for plotters, phones, Google Earth and an ECDIS: GPX, KML, and RTZ by IEC 61174.
 
 `<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
-`-all` has all routes of the case. GPX has no speed on a route, and OpenCPN ignores the times of
+`-all` has all that one may follow. GPX has no speed on a route, and OpenCPN ignores the times of
 its points: the speed, and the departure if there is one, are in the extensions that OpenCPN reads.
 
 Google Earth draws straight lines between points as great circles, so legs are drawn in small steps.

@@ -116,7 +116,7 @@ class Waypoints:
 
 
 def case_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
-    """Return waypoints of a case's routes, best first.
+    """Return waypoints of a case's routes, best first: of those that are not dear, and each side's.
 
     Computed once for each run and cached with it, since every exchange format needs them.
     """
@@ -126,7 +126,7 @@ def case_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
         if case.routes:
             unite_soft_no_go([ranked.route for ranked in case.routes])
             obstacles = Obstacles(case.case)
-            cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.routes)
+            cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.followed)
     return cached[case.name]
 
 
