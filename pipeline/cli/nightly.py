@@ -20,10 +20,7 @@ app = typer.Typer(
 
 @options.command(app, "nightly check")
 def check(
-    *,
-    config: Path | None = None,
-    output: Path | None = None,
-    only: str | None = None,
+    *, config: Path | None = None, output: Path | None = None, only: str | None = None
 ) -> None:
     """List all faults of a night's file with their lines; write nothing."""
     with reported_errors(), still_at_work():
@@ -63,10 +60,7 @@ def run(
         # The night's file is loaded inside, so that its faults are reported as a failed night.
         outcome = watched(
             lambda: run_night(
-                load_config(config, output),
-                only=only,
-                scheduler=scheduler,
-                on_event=on_event,
+                load_config(config, output), only=only, scheduler=scheduler, on_event=on_event
             ),
             metrics=metrics,
             url=ping,

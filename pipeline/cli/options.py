@@ -19,12 +19,7 @@ from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import CatalogueSection, Option, help_text, options, spelling
 
 _Command = TypeVar("_Command", bound=Callable[..., None])
-_TYPES: dict[str, type[Any]] = {
-    "file": Path,
-    "folder": Path,
-    "flag": bool,
-    "number": float,
-}
+_TYPES: dict[str, type[Any]] = {"file": Path, "folder": Path, "flag": bool, "number": float}
 
 
 def with_options(table: type[Any], *, without: tuple[str, ...] = ()) -> Callable[..., Any]:

@@ -7,9 +7,8 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-_ROLES: dict[str, tuple[str, str]] = tomllib.loads(
-    Path(__file__).with_name("colours.toml").read_text(encoding="utf-8")
-)
+_TABLE = Path(__file__).with_name("colours.toml")
+_ROLES: dict[str, list[str]] = tomllib.loads(_TABLE.read_text(encoding="utf-8"))
 COLOURS, DARK = ({role: both[at] for role, both in _ROLES.items()} for at in (0, 1))
 """Role -> colour on a light background, and on a dark one."""
 

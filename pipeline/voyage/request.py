@@ -12,27 +12,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pipeline.errors import RequestError
+from pipeline.voyage import readers
 from pipeline.voyage.positions import Position, read_end, read_position, read_stop
-from pipeline.voyage.readers import (
-    RANGE,
-    above_0_m_s,
-    described_file,
-    dimension_m,
-    read_charts,
-    read_clearance_m,
-    read_currents,
-    read_members,
-    read_months,
-    read_name,
-    read_padding_m,
-    read_shortfall,
-    read_station,
-    read_variables,
-    read_vessel,
-    readable,
-    speed_or_range,
-    zoned_time,
-)
 from pipeline.voyage.table import Asker, each, read, read_folder
 
 if TYPE_CHECKING:
@@ -55,45 +36,49 @@ class VoyageRequest:
 
     start: Annotated[Position, read_end]
     goal: Annotated[Position, read_end]
-    vessel: Annotated["VesselSpec | None", read_vessel] = None
-    speed: Annotated[float | tuple[float, float] | None, speed_or_range] = None
-    length: Annotated[float | None, dimension_m] = None
-    turning_circle: Annotated[float | None, dimension_m] = None
-    draught: Annotated[float | None, dimension_m] = None
-    months: Annotated[tuple[str, ...], read_months] = ()
-    depart: Annotated[datetime | None, zoned_time] = None
-    until: Annotated[datetime | None, zoned_time] = None
-    arrive_by: Annotated[datetime | None, zoned_time] = None
-    currents: Annotated[tuple[str, ...], read_currents] = ()
-    current_variables: Annotated[tuple[str, str] | None, read_variables] = None
+    vessel: Annotated["VesselSpec | None", readers.read_vessel] = None
+    speed: Annotated[float | tuple[float, float] | None, readers.speed_or_range] = None
+    length: Annotated[float | None, readers.dimension_m] = None
+    turning_circle: Annotated[float | None, readers.dimension_m] = None
+    draught: Annotated[float | None, readers.dimension_m] = None
+    months: Annotated[tuple[str, ...], readers.read_months] = ()
+    depart: Annotated[datetime | None, readers.zoned_time] = None
+    until: Annotated[datetime | None, readers.zoned_time] = None
+    arrive_by: Annotated[datetime | None, readers.zoned_time] = None
+    currents: Annotated[tuple[str, ...], readers.read_currents] = ()
+    current_variables: Annotated[tuple[str, str] | None, readers.read_variables] = None
     via: Annotated[tuple[Position, ...], each(read_stop)] = ()
     avoid: Annotated[
         tuple[dict[str, Any], ...],
-        each(described_file("give a vector file, such as GeoJSON", ("layer", "crs", "radius"))),
+        each(
+            readers.described_file(
+                "give a vector file, such as GeoJSON", ("layer", "crs", "radius")
+            )
+        ),
     ] = ()
-    havens: Annotated[Path | None, readable("give a GeoJSON file of points")] = None
+    havens: Annotated[Path | None, readers.readable("give a GeoJSON file of points")] = None
     within: str = ""
     endurance: str = ""
-    waves: Annotated[tuple[Path, ...], each(readable(_FIELDS))] = ()
-    max_wave: Annotated[float | None, dimension_m] = None
-    wind: Annotated[tuple[Path, ...], each(readable(_FIELDS))] = ()
-    max_wind: Annotated[float | None, above_0_m_s] = None
+    waves: Annotated[tuple[Path, ...], each(readers.readable(_FIELDS))] = ()
+    max_wave: Annotated[float | None, readers.dimension_m] = None
+    wind: Annotated[tuple[Path, ...], each(readers.readable(_FIELDS))] = ()
+    max_wind: Annotated[float | None, readers.above_0_m_s] = None
     wait: str = ""
-    clearance_m: Annotated[float | None, read_clearance_m] = None
-    padding: Annotated[str | float | None, read_padding_m] = None
-    shortfall: Annotated[str, read_shortfall] = "least"
+    clearance_m: Annotated[float | None, readers.read_clearance_m] = None
+    padding: Annotated[str | float | None, readers.read_padding_m] = None
+    shortfall: Annotated[str, readers.read_shortfall] = "least"
     adrift: str = ""
-    snap_m: Annotated[float, read_clearance_m] = SNAP_M
-    charts: Annotated[tuple[dict[str, Any], ...], read_charts] = ()
+    snap_m: Annotated[float, readers.read_clearance_m] = SNAP_M
+    charts: Annotated[tuple[dict[str, Any], ...], readers.read_charts] = ()
     depths: Annotated[
         dict[str, str] | None,
-        described_file("give a grid of depths, such as GEBCO's", ("positive",)),
+        readers.described_file("give a grid of depths, such as GEBCO's", ("positive",)),
     ] = None
     datum: str = ""
-    tide: Annotated[tuple[str, ...], each(read_station)] = ()
-    members: Annotated[dict[str, Any] | None, read_members] = None
+    tide: Annotated[tuple[str, ...], each(readers.read_station)] = ()
+    members: Annotated[dict[str, Any] | None, readers.read_members] = None
     explain_gap: bool = False
-    name: Annotated[str, read_name] = ""
+    name: Annotated[str, readers.read_name] = ""
     output: Annotated[Path, read_folder] = Path("outputs")
     offline: bool = False
     strict: bool = False
@@ -131,7 +116,7 @@ def faults_of_pairs(
 
     `values` are those that could be read, `asked` all as they were given, `at` their names.
     """
-    is_range = isinstance(values.speed, tuple) or RANGE in str(asked.speed)
+    is_range = isinstance(values.speed, tuple) or readers.RANGE in str(asked.speed)
     yield from _faults_of_vessel(asked, at, is_range=is_range)
     yield from _faults_of_times(values, asked, at, is_range=is_range)
     yield from _faults_of_months(asked, at, is_range=is_range)
@@ -274,10 +259,10 @@ class UnderWayRequest:
 
     results: Path
     at: Annotated[Position, read_position]
-    time: Annotated[datetime, zoned_time]
+    time: Annotated[datetime, readers.zoned_time]
     heading_deg: Annotated[float | None, _heading] = None
     currents: Annotated[tuple[str, ...], tuple] = ()
     season: str = ""
-    departed: Annotated[datetime | None, zoned_time] = None
+    departed: Annotated[datetime | None, readers.zoned_time] = None
     name: str = ""
     offline: bool = False

@@ -228,9 +228,7 @@ def _draw_water(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArr
     axes.set_ylim(0, 1.2 * max(float(np.nanmax(water, initial=kept_m)), kept_m))
     least = ranked.metrics.least_water_m
     plot_title(
-        axes,
-        f"Water under the keel, m: least {least:.1f}",
-        f"dashed: to be kept, {plain(kept_m)}",
+        axes, f"Water under the keel, m: least {least:.1f}", f"dashed: to be kept, {plain(kept_m)}"
     )
 
 
