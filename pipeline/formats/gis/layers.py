@@ -21,12 +21,12 @@ import shapely
 import renew
 from pipeline._types import ArrayLike, BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, haven_ways, stretch_line
-from pipeline.findings.names import COLUMNS, figure_columns, figures, used
+from pipeline.findings.names import COLUMNS, figure_columns, figures
 from pipeline.findings.result import RankedRoute, RunCase, RunResult, continued
 from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text, os_error
 from pipeline.formats.passage.safe_corridor import tracks
-from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text
+from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text, time_after
 from pipeline.model import Case, Zone
 
 _TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
@@ -54,24 +54,24 @@ LAYERS: dict[str, dict[str, str]] = tomllib.loads(
 def frame(
     geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[ArrayLike]]
 ) -> GeoDataFrame:
-    """Make the frame of a layer.
+    """Make the frame of a layer, without the optional columns that have no value.
 
     `geometry` has one geometry per feature, or one array of geometries per route or case. A
     column has one value, or one array of values, per entry of `geometry`. Numbers that are not
-    finite become NaN, which is written as NULL.
+    finite become NaN, which is written as NULL; times are in UTC.
     """
     import geopandas
+    import pandas as pd
 
     counts = [np.size(part) for part in geometry]
-    joined = {
-        name: _joined(values, counts, _TYPES[COLUMNS[name].type if name in COLUMNS else "number"])
-        for name, values in columns.items()
-    }
-    return geopandas.GeoDataFrame(
-        joined,
-        geometry=_joined(geometry, counts, object),
-        crs="EPSG:4326",
-    )
+    types = {name: COLUMNS[name].type if name in COLUMNS else "number" for name in columns}
+    joined = {name: _joined(columns[name], counts, _TYPES[kind]) for name, kind in types.items()}
+    times = {n: pd.to_datetime(joined[n], utc=True) for n, kind in types.items() if kind == "time"}
+    shapes = _joined(geometry, counts, object)
+    table = geopandas.GeoDataFrame({**joined, **times}, geometry=shapes, crs="EPSG:4326")
+    optional = [name for name in columns if name in COLUMNS and COLUMNS[name].optional]
+    filled = table[optional].notna() & table[optional].ne("")
+    return table.drop(columns=[name for name in optional if not filled[name].any()])
 
 
 def rows_frame(geometry: Geometries, rows: Sequence[Mapping[str, Any]]) -> GeoDataFrame:
@@ -272,18 +272,20 @@ def _over_limit(result: RunResult) -> GeoDataFrame:
                 "name": area.name,
                 "worst": area.most,
                 "unit": area.unit,
-                "shut_hours": _shut_hours(case, area),
+                **_shut_hours(case, area),
             }
             for name, case, area in areas
         ],
     )
 
 
-def _shut_hours(case: Case, area: renew.OverLimit) -> str:
-    """Write from when until when an area is shut: "always", or a time on either side."""
+def _shut_hours(case: Case, area: renew.OverLimit) -> dict[str, Any]:
+    """Say from when until when an area is shut: "always", or a time on either side."""
     ends = case.moment(area.begin), case.moment(area.end)
-    spelled = [moment_text(one) if isinstance(one, datetime) else "" for one in ends]
-    return " to ".join(spelled) if any(spelled) else "always"
+    begin, end = (one if isinstance(one, datetime) else None for one in ends)
+    spelled = [moment_text(one) if one else "" for one in (begin, end)]
+    hours = " to ".join(spelled) if any(spelled) else "always"
+    return {"shut_hours": hours, "shut_from": begin, "shut_until": end}
 
 
 def _open_hours(case: RunCase, area: renew.TidalArea) -> str:
@@ -325,7 +327,7 @@ _ERROR_M = 1.0
 _MAX_TURNS = 2_000
 
 
-def passage(result: RunResult) -> GeoDataFrame:
+def _passage(result: RunResult) -> GeoDataFrame:
     """Return waypoints of the routes, each with the leg that leaves it; the goal has none."""
     return waypoint_frame(_waypoints(result)).drop(columns=["port_m", "starboard_m"])
 
@@ -333,7 +335,8 @@ def passage(result: RunResult) -> GeoDataFrame:
 def legs(result: RunResult) -> GeoDataFrame:
     """Return the water within each leg's cross-track limits."""
     found = _waypoints(result)
-    frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
+    of_points = ["name", "time_s", "turn_radius_m", "passed_at"]
+    frame = waypoint_frame(found).drop(columns=of_points, errors="ignore")
     frame = frame[frame.course_deg.notna()].reset_index(drop=True)
     areas = [area for points in found for area in _areas(points, result)]
     return frame.set_geometry(multipolygons(areas), crs=frame.crs)
@@ -348,23 +351,38 @@ def waypoint_frame(found: Sequence[Waypoints]) -> GeoDataFrame:
             **route_key([points.ranked for points in found]),
             "sequence": [np.arange(count) + 1 for count in counts],
             "name": [points.names for points in found],
-            **_leg_columns(found),
+            **_leg_columns([points.ranked for points in found], found),
             "turn_radius_m": [points.radius_m for points in found],
             **columns_of(found, "port_m", "starboard_m"),
         },
     )
 
 
-def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list[FloatArray]]:
-    """Return columns of the legs that leave a route's points."""
-    return columns_of(
-        tables,
-        "course_deg",
-        leg_length_m="length_m",
-        time_s="time_s",
-        speed_over_ground_m_s="speed_m_s",
-        speed_through_water_m_s="through_water_m_s",
-    )
+def passage(ranked: RankedRoute) -> tuple[datetime, ...]:
+    """Return departure and arrival of a route, UTC; nothing without a departure."""
+    case = ranked.case
+    return case.scenario.passage(case.name, round(ranked.metrics.duration_s)) or ()
+
+
+def _leg_columns(
+    ranked: Sequence[RankedRoute], tables: Sequence[Waypoints | Legs]
+) -> dict[str, list[Any]]:
+    """Return columns of the legs that leave the points of routes, and when these are passed."""
+    left = [one.case.spec.departure for one in ranked]
+    return {
+        **columns_of(
+            tables,
+            "course_deg",
+            leg_length_m="length_m",
+            time_s="time_s",
+            speed_over_ground_m_s="speed_m_s",
+            speed_through_water_m_s="through_water_m_s",
+        ),
+        "passed_at": [
+            [at and time_after(at, float(seconds)) for seconds in table.time_s]
+            for at, table in zip(left, tables, strict=True)
+        ],
+    }
 
 
 def _waypoints(result: RunResult) -> list[Waypoints]:
@@ -399,16 +417,16 @@ def _routes(result: RunResult) -> GeoDataFrame:
     """Return routes, one line each, with the figures that have values in this run."""
     ranked = result.routes
     rows = [figures(r.metrics, "layer") for r in ranked]
-    for row in rows:
-        row["least_water_at"] = row["least_water_at"] and moment_text(row["least_water_at"])
     lines = to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], ROUTE_STEP_M)
     columns = {name: [row[name] for row in rows] for name in figure_columns("layer")}
-    texts = {
+    passages = [passage(r) or (None, None) for r in ranked]
+    columns |= {
+        "departure": [begin for begin, _ in passages],
+        "arrival": [end for _, end in passages],
         "current": [r.case.current_text for r in ranked],
         "caveats": [limits_text(r) for r in ranked],
     }
-    routes = frame(lines, {**route_key(ranked), **columns, **texts})
-    return routes[used(routes.columns, routes.replace(np.nan, None).to_dict("records"))]
+    return frame(lines, {**route_key(ranked), **columns})
 
 
 def _path_points(result: RunResult) -> GeoDataFrame:
@@ -420,7 +438,7 @@ def _path_points(result: RunResult) -> GeoDataFrame:
         {
             **route_key(ranked),
             "sequence": [np.arange(len(t.lonlat)) + 1 for t in tables],
-            **_leg_columns(tables),
+            **_leg_columns(ranked, tables),
         },
     )
 
@@ -599,7 +617,7 @@ def _coverage(result: RunResult) -> GeoDataFrame:
 
 FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "routes": _routes,
-    "passage": passage,
+    "passage": _passage,
     "legs": legs,
     "path_points": _path_points,
     "channels": _channels,
