@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_116, 13),
     "pipeline/cli": (2_726, 6),
     "pipeline/findings": (3_997, 18),
-    "pipeline/formats": (7_770, 14),
+    "pipeline/formats": (7_781, 14),
     "pipeline/geo": (849, 4),
     "pipeline/machine": (1_593, 10),
     "pipeline/model": (1_587, 37),

@@ -6,9 +6,10 @@
 import math
 import sqlite3
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -27,7 +28,7 @@ from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text, os_error
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text, time_after
-from pipeline.model import Case, Zone
+from pipeline.model import Case
 
 _TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
 
@@ -208,16 +209,6 @@ def region_edge(result: RunResult) -> GeoDataFrame:
     return frame([result.water.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
 
 
-def hazards(result: RunResult) -> GeoDataFrame:
-    """Return rocks, wrecks and the like, with the room around them."""
-    return _zones(zone for zone in result.fetched.land.zones if zone.kind == "hazard")
-
-
-def chart_areas(result: RunResult) -> GeoDataFrame:
-    """Return shallow, uncharted and restricted areas, and traffic schemes."""
-    return _zones(zone for zone in result.fetched.land.zones if zone.kind != "hazard")
-
-
 def depth_areas(result: RunResult) -> GeoDataFrame:
     """Return areas of equal depth."""
     areas = result.fetched.land.depth_areas
@@ -272,43 +263,34 @@ def _over_limit(result: RunResult) -> GeoDataFrame:
                 "name": area.name,
                 "worst": area.most,
                 "unit": area.unit,
-                **_shut_hours(case, area),
+                "shut_from": _dated(case, area.begin),
+                "shut_until": _dated(case, area.end),
             }
             for name, case, area in areas
         ],
     )
 
 
-def _shut_hours(case: Case, area: renew.OverLimit) -> dict[str, Any]:
-    """Say from when until when an area is shut: "always", or a time on either side."""
-    ends = case.moment(area.begin), case.moment(area.end)
-    begin, end = (one if isinstance(one, datetime) else None for one in ends)
-    spelled = [moment_text(one) if one else "" for one in (begin, end)]
-    hours = " to ".join(spelled) if any(spelled) else "always"
-    return {"shut_hours": hours, "shut_from": begin, "shut_until": end}
+def _dated(case: Case, seconds: float) -> datetime | None:
+    """Return a moment on a case's clock; None where that is infinite or begins at no date."""
+    moment = case.moment(seconds)
+    return moment if isinstance(moment, datetime) else None
 
 
 def _open_hours(case: RunCase, area: renew.TidalArea) -> str:
     """Write when an area has enough water, from a case's departure to a day after arrival."""
     ends = [float(one.route.times[-1]) for one in case.routes]
     hours = area.tide.high_enough(area.need, 0.0, max(ends, default=0.0) + _DAY_S)
-    spans = [[case.case.moment(end) for end in span] for span in hours.tolist()]
-    # Only a clock that begins at a date has moments to write.
-    written = [[moment_text(m) if isinstance(m, datetime) else "" for m in span] for span in spans]
+    spans = [[_dated(case.case, end) for end in span] for span in hours.tolist()]
+    written = [[moment_text(end) if end else "" for end in span] for span in spans]
     return ", ".join(map(" to ".join, written)) or "never"
 
 
-def no_go(result: RunResult) -> GeoDataFrame:
-    """Return the hard no-go zone, the same in every case."""
-    return _counted(result.simplified.polygons)
-
-
-def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
-    """Return areas of the chart, with their kinds, names and rules."""
-    listed = list(zones)
-    return frame(
-        multipolygons([zone.area for zone in listed]), columns_of(listed, "kind", "name", "rule")
-    )
+def _zones(result: RunResult, *, are_hazards: bool) -> GeoDataFrame:
+    """Return areas of the chart: hazards with the room around them, or all others."""
+    zones = [one for one in result.fetched.land.zones if (one.kind == "hazard") == are_hazards]
+    areas = multipolygons([zone.area for zone in zones])
+    return frame(areas, columns_of(zones, "kind", "name", "rule"))
 
 
 def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
@@ -532,28 +514,26 @@ def _adrift(result: RunResult) -> GeoDataFrame:
     return frame(lines, {**key, "ashore_within_h": [hours for _, _, hours in found]})
 
 
+def _marks(result: RunResult, kind: str) -> tuple[list[Any], dict[str, list[Any]]]:
+    """Return what is measured at places of the routes, and the columns that identify these."""
+    found = [(case.name, one) for case in result.cases for one in getattr(case.measures, kind)]
+    marks = [one for _, one in found]
+    return marks, {"season": [name for name, _ in found], **columns_of(marks, "rank")}
+
+
 def _narrow_stretches(result: RunResult) -> GeoDataFrame:
     """Return the stretches of the routes without room for a hard-over turn."""
-    found = [(case.name, one) for case in result.cases for one in case.measures.narrow]
-    stretches = [one for _, one in found]
+    stretches, key = _marks(result, "narrow")
     names = ("begin_m", "length_m", "width_m", "needed_m", "kept_m")
-    return frame(
-        to_lonlat(result, [shapely.LineString(one.line) for one in stretches], ROUTE_STEP_M),
-        {
-            "season": [name for name, _ in found],
-            "rank": [one.rank for one in stretches],
-            **columns_of(stretches, *names, turn_side="side"),
-        },
-    )
+    lines = to_lonlat(result, [shapely.LineString(one.line) for one in stretches], ROUTE_STEP_M)
+    return frame(lines, {**key, **columns_of(stretches, *names, turn_side="side")})
 
 
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
-    crossings = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
-    return rows_frame(
-        shapely.points(np.array([[one.lon, one.lat] for _, one in crossings]).reshape(-1, 2)),
-        [{"season": name, "rank": one.rank, "length_m": one.length_m} for name, one in crossings],
-    )
+    crossings, key = _marks(result, "shore_crossings")
+    places = np.array([[one.lon, one.lat] for one in crossings]).reshape(-1, 2)
+    return frame(shapely.points(places), {**key, **columns_of(crossings, "length_m")})
 
 
 def _shown(collided: BoolArray) -> IndexArray:
@@ -624,12 +604,12 @@ FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "islands": islands,
     "coast": coast,
     "region": region_edge,
-    "hazards": hazards,
-    "chart_areas": chart_areas,
+    "hazards": partial(_zones, are_hazards=True),
+    "chart_areas": partial(_zones, are_hazards=False),
     "depth_areas": depth_areas,
     "tidal_water": _tidal_water,
     "over_limit": _over_limit,
-    "no_go": no_go,
+    "no_go": lambda result: _counted(result.simplified.polygons),
     "soft_no_go": _soft_no_go,
     "near_best": _near_best,
     "currents": _currents,
