@@ -136,7 +136,7 @@ def _sides(outcome: Outcome, width: int | None) -> list[str]:
             if row.main_passage in seen:
                 continue
             seen.add(row.main_passage)
-            if row.fuel > (1 + DEAR) * case.routes[0].metrics.fuel:
+            if case.is_dear(row):
                 dear += 1
             else:
                 rows.append(_row(ranked, unit))

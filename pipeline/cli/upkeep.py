@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import typer
 
@@ -292,17 +292,8 @@ def _group() -> None:
     """Keep the name `install`: without this, Typer makes a group of one command that command."""
 
 
-@qgis_app.command(cls=options.Command)
-def install(
-    *,
-    profile: Annotated[
-        str, typer.Option(metavar="NAME", help="The user's profile of QGIS.")
-    ] = "default",
-    plugins: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of plugins, in place of the profile's."),
-    ] = None,
-) -> None:
+@options.command(qgis_app, "qgis install")
+def install(*, profile: str = "default", plugins: Path | None = None) -> None:
     """Put the plugin into the user's profile of QGIS, in place of an earlier version."""
     with reported_errors():
         if Path(profile).name != profile:

@@ -137,30 +137,12 @@ class Note:
 
 DECIDED = frozenset(
     {
-        "accuracy-assumed",
-        "areas-repaired",
-        "as-read",
-        "climatology-stands-in",
-        "current-at-depth",
-        "current-gaps-filled",
-        "current-means-lack",
-        "current-on-table",
-        "current-over-depth",
-        "current-stands-in",
-        "forecasts-overlap",
-        "joined-at-180",
-        "level-assumed",
-        "level-by-name",
-        "margin-narrowed",
-        "over-limit",
-        "pair-taken",
-        "steps-read",
-        "still-water",
-        "stop-moved",
-        "time-assumed",
-        "unit-assumed",
-        "waits-for-water",
-        "zeros-are-land",
+        *("accuracy-assumed", "areas-repaired", "as-read", "climatology-stands-in"),
+        *("current-at-depth", "current-gaps-filled", "current-means-lack", "current-on-table"),
+        *("current-over-depth", "current-stands-in", "forecasts-overlap", "joined-at-180"),
+        *("level-assumed", "level-by-name", "margin-narrowed", "over-limit", "pair-taken"),
+        *("steps-read", "still-water", "stop-moved", "time-assumed", "unit-assumed"),
+        *("waits-for-water", "zeros-are-land"),
     }
 )
 """Kinds of notes on choices that a name, an order or a default made, not the user or the data.

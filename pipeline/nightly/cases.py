@@ -435,8 +435,7 @@ def _seasons(spec: CaseSpec, scenario: Scenario, refuse: _Refuse) -> tuple[Seaso
     for name in asked:
         if name not in known:
             refuse(
-                where,
-                f"{name!r} is no season of {scenario.name}; there are: {', '.join(known)}",
+                where, f"{name!r} is no season of {scenario.name}; there are: {', '.join(known)}"
             )
         elif known[name].speed is not None:
             refuse(

@@ -107,11 +107,7 @@ def run_night(
     on_event : called with the events of every stage.
     """
     return _Night(
-        config,
-        expand(config, only=only),
-        only,
-        scheduler,
-        on_event or (lambda _: None),
+        config, expand(config, only=only), only, scheduler, on_event or (lambda _: None)
     ).run()
 
 

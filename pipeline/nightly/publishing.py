@@ -378,38 +378,16 @@ def _over_members(row: Row) -> Row:
 ITEM_FILE = "item.json"
 _VERSION = "1.1.0"
 _PARQUET = "application/vnd.apache.parquet"
+_SQLITE = "application/geopackage+sqlite3"
 _ASSETS = {
-    "cases": (
-        CASES_FILE,
-        _PARQUET,
-        "One row per case: its best route, and what changed",
-        ["data"],
-    ),
-    "routes": (ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
-    "geopackage": (
-        GEOPACKAGE_FILE,
-        "application/geopackage+sqlite3",
-        "The best routes, for a GIS",
-        ["data"],
-    ),
-    "changes": (
-        CHANGES_FILE,
-        "text/csv",
-        "What changed since the cycle before",
-        ["metadata"],
-    ),
-    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
-    "page": (PAGE_FILE, "text/html", "What to look at", ["overview"]),
+    "cases": (CASES_FILE, _PARQUET, "One row per case: its best route, and what changed", "data"),
+    "routes": (ROUTES_FILE, _PARQUET, "One row per route", "data"),
+    "geopackage": (GEOPACKAGE_FILE, _SQLITE, "The best routes, for a GIS", "data"),
+    "changes": (CHANGES_FILE, "text/csv", "What changed since the cycle before", "metadata"),
+    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", "metadata"),
+    "page": (PAGE_FILE, "text/html", "What to look at", "overview"),
 }
-RESULTS = (
-    CASES_FILE,
-    ROUTES_FILE,
-    GEOPACKAGE_FILE,
-    CHANGES_FILE,
-    HISTORY_FILE,
-    PAGE_FILE,
-    ITEM_FILE,
-)
+RESULTS = (*(name for name, *_ in _ASSETS.values()), ITEM_FILE)
 """The files of a cycle except `night.json`, which is written after the others are checked."""
 
 
@@ -437,8 +415,8 @@ def item_text(
         },
         "links": [{"rel": "self", "href": f"./{ITEM_FILE}", "type": "application/geo+json"}],
         "assets": {
-            key: {"href": f"./{name}", "type": kind, "title": title, "roles": roles}
-            for key, (name, kind, title, roles) in _ASSETS.items()
+            key: {"href": f"./{name}", "type": kind, "title": title, "roles": [role]}
+            for key, (name, kind, title, role) in _ASSETS.items()
         },
     }
     return json.dumps(item, indent=2) + "\n"

@@ -38,10 +38,7 @@ OUTCOMES = (SAME, LOOK, ACT)
 
 
 def write_record(
-    folder: Path,
-    files: Sequence[str],
-    made: Mapping[str, Any],
-    notes: Sequence[str],
+    folder: Path, files: Sequence[str], made: Mapping[str, Any], notes: Sequence[str]
 ) -> None:
     """Flush a cycle's files to the disk, and then write its record.
 

@@ -17,22 +17,13 @@ import numpy as np
 import shapely
 
 import renew
+from pipeline import model
 from pipeline.errors import StageError, one_line
 from pipeline.findings.choices import ensemble_figures, flips_text, sides_text
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.way_names import way_names
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
-from pipeline.model import (
-    Case,
-    CaseResult,
-    Current,
-    CurrentGrid,
-    MemberCurrents,
-    RouteMetrics,
-    Water,
-    planner_vessel,
-)
 from pipeline.nightly.cycles import Row
 from pipeline.nightly.records import ACT, LOOK, SAME, EarlierRoute
 from pipeline.scenario.model import Scenario
@@ -74,7 +65,7 @@ class NightChart:
     """A scenario with its region, and its chart for one vessel in the planner's plane."""
 
     scenario: Scenario
-    water: Water
+    water: model.Water
     accuracy_m: float
 
 
@@ -86,11 +77,11 @@ class NightCurrent:
     if it is the mean of several, and `left_out` says which of them can't be used, and why.
     """
 
-    current: Current
+    current: model.Current
     valid: str
     source: str
     stand_in: str
-    members: MemberCurrents | None = None
+    members: model.MemberCurrents | None = None
     left_out: tuple[str, ...] = ()
 
 
@@ -205,7 +196,7 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     )
 
 
-def _stand_in(grid: CurrentGrid) -> str:
+def _stand_in(grid: model.CurrentGrid) -> str:
     """Return which current replaces the first choice, and why; "" if it is the first choice."""
     reasons = [reason for _, reason in grid.passed_over]
     return "; ".join((*note_texts(grid.stand_in_notes), *reasons)) if grid.is_stand_in else ""
@@ -296,15 +287,15 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
     return [*routes, row | {"outcome": outcome, "why": why}]
 
 
-def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> Case:
+def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> model.Case:
     """Return what the planner plans."""
     scenario, water = chart.scenario, chart.water
     ends = np.array([case.start or scenario.start, case.goal or scenario.goal])
     start, goal = ends if water.is_planar else water.projection.to_plane(ends)
-    voyage = Case(
+    voyage = model.Case(
         case.names[1],
         water,
-        planner_vessel(scenario.vessel),
+        model.planner_vessel(scenario.vessel),
         start,
         goal,
         current.current,
@@ -351,7 +342,9 @@ def _described(current: NightCurrent) -> Row:
     }
 
 
-def _route_row(case: NightCaseTask, voyage: Case, route: Route, figure: RouteMetrics) -> Row:
+def _route_row(
+    case: NightCaseTask, voyage: model.Case, route: Route, figure: model.RouteMetrics
+) -> Row:
     """Return a route's row."""
     lonlat = voyage.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
@@ -373,8 +366,8 @@ def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
 
 def compared(
     earlier: EarlierRoute,
-    voyage: Case,
-    planned: CaseResult,
+    voyage: model.Case,
+    planned: model.CaseResult,
     *,
     drift: Drift,
     leaves: datetime | None,
@@ -411,7 +404,7 @@ def compared(
 
 
 def judged(
-    row: Row, planned: CaseResult, earlier: EarlierRoute | None, batch: PlanBatch
+    row: Row, planned: model.CaseResult, earlier: EarlierRoute | None, batch: PlanBatch
 ) -> tuple[str, str]:
     """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()

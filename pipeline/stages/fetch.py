@@ -30,7 +30,7 @@ from pipeline.scenario.season import MAX_HOURS, Currents, Season, source_name
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.land.osm import OsmLand
-from pipeline.sources.registry import charted_land, current_source
+from pipeline.sources.registry import charted_land, current_source, weather_files, weather_grids
 from pipeline.stages.places import avoided_zones, fetched_plane
 
 # Default limit of a voyage in changing currents, as a multiple of the time that the vessel takes
@@ -118,7 +118,6 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     """
     if scenario.limits is None or scenario.region is None:
         return fetched
-    from pipeline.sources.weather import weather_files, weather_grids
 
     spec, limits, region = scenario.limits, scenario.weather_limits, scenario.region.shape
     weather, keys = dict[str, dict[str, CurrentGrid]](), list[object]()
@@ -132,10 +131,7 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
         for name, grids in weather.items()
     }
     return replace(
-        fetched,
-        weather=weather,
-        weather_keys=tuple(keys),
-        notes=(*fetched.notes, *of_cases(notes)),
+        fetched, weather=weather, weather_keys=tuple(keys), notes=(*fetched.notes, *of_cases(notes))
     )
 
 

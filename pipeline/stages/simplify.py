@@ -114,11 +114,7 @@ def simplify_land(
     window = extent.buffer(overlap_m + planar_m + tolerance_m, join_style="mitre")
     land = _planar_land(polygons, plane, window)
     cover = opened(
-        covering_land(land, tolerance_m, planar_m, ends),
-        land,
-        extent,
-        ends,
-        planar_m + tolerance_m,
+        covering_land(land, tolerance_m, planar_m, ends), land, extent, ends, planar_m + tolerance_m
     )
     outer, inner, charted = (
         polygons[shapely.intersects(extent, polygons)]

@@ -1,4 +1,4 @@
-"""Tables of options: dataclasses whose fields are annotated with an `Option`.
+"""Tables of options: dataclasses whose fields `options.toml` describes.
 
 The command line, the page's form with its HTTP interface, QGIS's tools and Python's functions are
 made from the fields of one dataclass, and `read` makes an instance from what any of them was given.
@@ -6,8 +6,9 @@ It is no pydantic model, because the command line is made from it and has to sta
 which takes as long to load as all the rest.
 """
 
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal, TypeVar
@@ -24,7 +25,7 @@ _Table = TypeVar("_Table")
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """An option of a command, a form or a function, besides its type: a field's annotation.
+    """An option of a command, a form or a function, besides its type.
 
     Parameters
     ----------
@@ -35,8 +36,7 @@ class Option:
     read : makes the typed value from a text; a value that is typed already stays. It raises
         RequestError, or ValueError with a fault as each argument; the option's name is added.
     kind : what is given: a "source" is a name of the catalogue or a file, a "place" a position.
-    field, default, is_required : the field, its default, and whether it has none; `options` fills
-        them in.
+    field, default, is_required : the field, its default, and whether it has none.
     name : its name on the command line and in JSON, if it is not the field's name, which is the
         argument in Python.
     metavar : what stands for its value in the help of the command line.
@@ -47,9 +47,9 @@ class Option:
         plans.
     """
 
-    field: str = ""
-    default: Any = None
-    is_required: bool = False
+    field: str
+    default: Any
+    is_required: bool
     group: str
     help: str
     label: str = ""
@@ -92,14 +92,24 @@ class Option:
         return [word for given in values or () if given for word in (self.typed, str(given))]
 
 
+_ABOUT = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+
+
 def options(table: type[Any]) -> tuple[Option, ...]:
     """Return the options of a table in their order."""
     listed = []
     for field in fields(table):
-        (option,) = table.__annotations__[field.name].__metadata__
+        readers = getattr(table.__annotations__[field.name], "__metadata__", ())
         is_required = field.default is MISSING
-        default = None if is_required else field.default
-        listed.append(replace(option, field=field.name, default=default, is_required=is_required))
+        listed.append(
+            Option(
+                field=field.name,
+                default=None if is_required else field.default,
+                is_required=is_required,
+                **_ABOUT[table.__name__][field.name],
+                **({"read": readers[0]} if readers else {}),
+            )
+        )
     return tuple(listed)
 
 

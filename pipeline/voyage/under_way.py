@@ -79,10 +79,7 @@ def _departed(finished: FinishedSeason, request: UnderWayRequest) -> datetime:
 
 
 def _table(
-    data: dict[str, Any],
-    finished: FinishedSeason,
-    request: UnderWayRequest,
-    left: datetime,
+    data: dict[str, Any], finished: FinishedSeason, request: UnderWayRequest, left: datetime
 ) -> dict[str, Any]:
     """Return the scenario's table for the rest of the voyage."""
     names = [one["name"] for one in finished.scenario["seasons"]]

@@ -23,13 +23,7 @@ from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
 from pipeline.sources.cf import axes, grids, s100
-from pipeline.sources.cf.axes import (
-    TimeSteps,
-    merge_steps,
-    read_steps,
-    reference_time,
-    step_method,
-)
+from pipeline.sources.cf.axes import TimeSteps, merge_steps, read_steps, reference_time, step_method
 from pipeline.sources.cf.dataset import (
     check_values,
     fatal_files,

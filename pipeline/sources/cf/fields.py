@@ -63,11 +63,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def steps_of_season(
-    contents: Contents,
-    case: Season,
-    step: timedelta = LONGEST_STEP,
-    *,
-    with_mean: bool = True,
+    contents: Contents, case: Season, step: timedelta = LONGEST_STEP, *, with_mean: bool = True
 ) -> SelectedSteps:
     """Select the steps of files, or the harmonic constants, that make up a case's fields.
 

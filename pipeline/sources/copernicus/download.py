@@ -162,11 +162,7 @@ class SubsetRequest:
     @property
     def record(self) -> dict[str, Any]:
         """The request as the sidecar has it."""
-        return {
-            **self.arguments,
-            "version": self.spec.version,
-            "times": list(self.steps.labels),
-        }
+        return {**self.arguments, "version": self.spec.version, "times": list(self.steps.labels)}
 
 
 AcceptedT = TypeVar("AcceptedT")
@@ -250,11 +246,7 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
 
     Raises StageError if the service does not answer, or its answer does not state them.
     """
-    request = {
-        "version": spec.version,
-        "dataset_id": spec.dataset,
-        "variables": [spec.eastward],
-    }
+    request = {"version": spec.version, "dataset_id": spec.dataset, "variables": [spec.eastward]}
     answer = _attempt(request, min(spec.deadline_s, _LOOK_S))
     if not isinstance(answer, dict):
         raise StageError(f"{spec.name}: {answer[0]}")

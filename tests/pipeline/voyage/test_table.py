@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import json
+import tomllib
+from dataclasses import fields
 from typing import Any
 
 import pytest
@@ -13,13 +15,20 @@ from pipeline.errors import RequestError
 from pipeline.scenario.catalogue import names
 from pipeline.serve.app import page_files
 from pipeline.serve.plans import ASKED, PlanRequest
-from pipeline.voyage.request import VoyageRequest
+from pipeline.voyage.request import UnderWayRequest, VoyageRequest
 from pipeline.voyage.table import Option, help_text, options, spelling
 from tests.conftest import ROOT
 from tests.reference import commands, options as typed_options
 
 FIELDS = options(VoyageRequest)
 NAMED = [one for one in FIELDS if one.group]
+
+
+def test_every_field_is_described_and_nothing_else() -> None:
+    described = tomllib.loads((ROOT / "pipeline/voyage/options.toml").read_text("utf-8"))
+    for table in (VoyageRequest, UnderWayRequest):
+        assert [*described.pop(table.__name__)] == [one.name for one in fields(table)]
+    assert not described
 
 
 @pytest.mark.parametrize("one", NAMED, ids=[one.field for one in NAMED])
