@@ -62,14 +62,13 @@ def frame(
     finite become NaN, which is written as NULL; times are in UTC.
     """
     import geopandas
-    import pandas as pd
 
     counts = [np.size(part) for part in geometry]
     types = {name: COLUMNS[name].type if name in COLUMNS else "number" for name in columns}
     joined = {name: _joined(columns[name], counts, _TYPES[kind]) for name, kind in types.items()}
-    times = {n: pd.to_datetime(joined[n], utc=True) for n, kind in types.items() if kind == "time"}
     shapes = _joined(geometry, counts, object)
-    table = geopandas.GeoDataFrame({**joined, **times}, geometry=shapes, crs="EPSG:4326")
+    table = geopandas.GeoDataFrame(joined, geometry=shapes, crs="EPSG:4326")
+    table = table.astype({n: "datetime64[s, UTC]" for n, kind in types.items() if kind == "time"})
     optional = [name for name in columns if name in COLUMNS and COLUMNS[name].optional]
     filled = table[optional].notna() & table[optional].ne("")
     return table.drop(columns=[name for name in optional if not filled[name].any()])
