@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from pipeline.errors import LateFaults, StageError
+from pipeline.errors import Faults, StageError
 from pipeline.findings.names import MANIFEST
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.machine.files import replacing
@@ -39,7 +39,7 @@ def write(
     result: RunResult,
     directory: Path,
     on_file: Callable[[str], None] | None = None,
-    late: LateFaults | None = None,
+    late: Faults | None = None,
 ) -> tuple[Path, ...]:
     """Write all output files of a run into `directory`, which is created if needed.
 

@@ -409,7 +409,7 @@ class Island:
 @cache
 def islands() -> tuple[Island, ...]:
     """Return the catalogue's islands."""
-    with catalogue.islands().open(encoding="utf-8", newline="") as file:
+    with (catalogue.root() / "islands.csv").open(encoding="utf-8", newline="") as file:
         return tuple(
             Island(name, lon, lat, (west, south, east, north), area_km2)
             for name, *figures in islice(csv.reader(file), 1, None)

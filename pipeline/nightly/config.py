@@ -11,18 +11,8 @@ from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field
 
 from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
-from pipeline.scenario import catalogue
+from pipeline.scenario import catalogue, strict
 from pipeline.scenario.season import Count, Interval, interval
-from pipeline.scenario.strict import (
-    Integer,
-    NonNegative,
-    Number,
-    PathAsGiven,
-    Positive,
-    RemediedError,
-    StrictModel,
-    validated,
-)
 
 _TIME = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\dZ", re.ASCII)
 _DAY = timedelta(days=1)
@@ -39,11 +29,11 @@ _KEY = re.compile(r"^\s*([\w\-]+)\s*=")
 def _time_of_day(text: str) -> str:
     """Return the text, or raise ValueError if it is not a time of day in UTC."""
     if not _TIME.fullmatch(text):
-        raise RemediedError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
+        raise strict.RemediedError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
     return text
 
 
-class DepartureSpec(StrictModel):
+class DepartureSpec(strict.StrictModel):
     """`count` departures, the first at `first`, with the interval `every` between them."""
 
     first: Annotated[str, AfterValidator(_time_of_day)]
@@ -102,40 +92,40 @@ def _located(lines: Mapping[str, int], fault: Fault, file: str) -> Fault:
     return Fault(f"line {lines.get(place, 1)}: {before}{fault.place}", after, f"{file}, ")
 
 
-class CaseSpec(StrictModel):
+class CaseSpec(strict.StrictModel):
     """One [[cases]] table: a scenario, and the lists whose combinations are its cases."""
 
-    scenario: PathAsGiven
+    scenario: strict.PathAsGiven
     seasons: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    pairs: PathAsGiven | None = None
+    pairs: strict.PathAsGiven | None = None
     vessels: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     departures: DepartureSpec | None = None
     members: Annotated[_MEMBERS, Field(min_length=1)] | None = None
     currents: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
 
 
-class VoyageSpec(StrictModel):
+class VoyageSpec(strict.StrictModel):
     """One [[voyages]] table: a vessel under way, whose voyage is planned again every night."""
 
-    results: PathAsGiven
-    positions: PathAsGiven
+    results: strict.PathAsGiven
+    positions: strict.PathAsGiven
     currents: Annotated[_MEMBERS, Field(min_length=1)]
     season: str = ""
     departed: AwareDatetime | None = None
 
 
-class NightSpec(StrictModel):
+class NightSpec(strict.StrictModel):
     """The keys of a night's file."""
 
     schema_version: Literal[1] = 1
     output: str | None = None
-    keep: Integer = Field(default=14, ge=1, le=100_000)
-    limit_hours: Positive = Field(default=6.0, le=1000)
-    look_percent: NonNegative = 3.0
-    stale_hours: Positive = 36.0
-    workers: Integer | None = Field(default=None, ge=1, le=1024)
+    keep: strict.Integer = Field(default=14, ge=1, le=100_000)
+    limit_hours: strict.Positive = Field(default=6.0, le=1000)
+    look_percent: strict.NonNegative = 3.0
+    stale_hours: strict.Positive = 36.0
+    workers: strict.Integer | None = Field(default=None, ge=1, le=1024)
     # With 0.5 GB a worker can load its libraries and plan in a plane; a chart needs more.
-    memory_gb: Annotated[Number, Field(ge=0.5)] = 2.0
+    memory_gb: Annotated[strict.Number, Field(ge=0.5)] = 2.0
     voyages: tuple[VoyageSpec, ...] = ()
     cases: tuple[CaseSpec, ...] = Field(min_length=1)
 
@@ -175,7 +165,7 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
         raise RequestError(f"--config: {shown(path)} is a folder; name the TOML file in it")
     data = catalogue.read_toml(path)
     lines = _lines_of_keys(path.read_text(encoding="utf-8"))
-    spec = validated(NightSpec, data, lambda fault: _located(lines, fault, path.name))
+    spec = strict.validated(NightSpec, data, lambda fault: _located(lines, fault, path.name))
     if output is None and spec.output is not None:
         folder = folder_to_write(path.parent / spec.output, "output")
     else:

@@ -261,21 +261,6 @@ def entry(section: Section, name: str) -> dict[str, Any]:
     return read_toml(root() / section / f"{name}.toml")
 
 
-def table(name: str) -> Path:
-    """Return the path of an embedded table of currents."""
-    return root() / "currents" / name
-
-
-def islands() -> Path:
-    """Return the path of the table of islands' names."""
-    return root() / "islands.csv"
-
-
-def canals() -> Path:
-    """Return the path of the table of canals between seas."""
-    return root() / "canals.csv"
-
-
 def stations() -> dict[str, Path]:
     """Return the files of the stations of the tide, by name."""
     return {path.stem: path for path in sorted((root() / "tides").glob("*.json"))}

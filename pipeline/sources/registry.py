@@ -211,7 +211,7 @@ class EmbeddedTable(CurrentSource):
     @cached_property
     def _bytes(self) -> bytes:
         """The table's file."""
-        return catalogue.table(self.spec.table).read_bytes()
+        return (catalogue.root() / "currents" / self.spec.table).read_bytes()
 
     def identity(self, case: Season) -> tuple[str, ...]:
         """Return the hash of the table, and which part of it stands for the case."""

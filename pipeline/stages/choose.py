@@ -402,21 +402,12 @@ class SweepTask:
         """Load the choice from the store; None if it is missing or damaged."""
         return load_artefact(self.choice_path, DepartureChoice)
 
-    def stored_failure(self) -> str | None:
-        """Return "" if the store has the choice, else None: failures are not stored."""
-        return None if self.result() is None else ""
-
     def make(self) -> Status:
         """Choose the departure; an error becomes a failure."""
         return status_of(self.case, lambda: sweep(self))
 
 
-def _ignore(note: Note) -> None:
-    """Ignore a note."""
-    del note
-
-
-def sweep(task: SweepTask, say: Say = _ignore) -> str:
+def sweep(task: SweepTask, say: Say = lambda _: None) -> str:
     """Choose a case's departure, and store the choice; return why there is none, or ""."""
     case = stored_case(task)
     try:

@@ -41,11 +41,6 @@ class CaseTask:
         measures = load_artefact(self.measures_path, Measures)
         return None if plan is None or measures is None else replace(plan, measures=measures)
 
-    def stored_failure(self) -> str | None:
-        """Return why the stored plan has no route, or ""; None if the store has no result."""
-        found = self.result()
-        return None if found is None else found.failure
-
     def make(self) -> Status:
         """Plan and measure the case; an error becomes a failure."""
         return status_of(self.case, lambda: self.planned(stored_case(self)).failure)

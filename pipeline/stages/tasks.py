@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from pipeline.errors import StageError, one_line
 from pipeline.machine.cluster import fleet
@@ -37,8 +37,8 @@ class StoredTask(WorkerTask, Protocol):
         """The file that has the case, among others."""
         ...
 
-    def stored_failure(self) -> str | None:
-        """Return the failure in the store's result, "" for a success; None without a result."""
+    def result(self) -> Any:  # noqa: ANN401 - each kind of task has its own
+        """Load the result from the store; None without one. It may have a `failure`."""
         ...
 
 
@@ -176,12 +176,9 @@ class _Tasks:
     def give_up(self, error: StageError) -> None:
         """Report each open task: with its result if the store has one, otherwise as crashed."""
         for task in tuple(self._open.values()):
-            failure = task.stored_failure()
-            self._end(
-                Status(task.case, str(error), crashed=True)
-                if failure is None
-                else Status(task.case, failure, crashed=False)
-            )
+            found = task.result()
+            failure = str(error) if found is None else getattr(found, "failure", "")
+            self._end(Status(task.case, failure, crashed=found is None))
 
     def _end(self, status: Status) -> None:
         """Report a task's status."""
