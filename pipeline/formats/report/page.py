@@ -395,7 +395,7 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
 
     `excess` is above the best route's fuel; `bar_percent` is the length of its bar, 100 for the
     greatest. `of_still` is a share of the fuel that this way takes in still water, `of_shortest`
-    one of the fuel of the shortest way.
+    one of the fuel of the shortest way, `turns_m` the greatest padding for turns, true metres.
     """
     excesses = [one.metrics.fuel / routes[0].metrics.fuel - 1 for one in routes]
     largest = max(map(abs, excesses), default=0.0)
@@ -407,6 +407,7 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
             "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
             "of_still": one.metrics.fuel / one.metrics.still_fuel,
             "of_shortest": one.metrics.fuel / shortest.metrics.fuel,
+            "turns_m": one.case.case.projection.scale * one.route.turn_padding.max(initial=0.0),
         }
         for one, excess in zip(routes, excesses, strict=True)
         if shortest

@@ -81,7 +81,7 @@ def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> N
         header, *rows = table_rows(page, f"season-{number}-title")
         metrics = case.measures.routes
         assert len(rows) == len(metrics)
-        for cells, m in zip(rows, metrics, strict=True):
+        for cells, m, ranked in zip(rows, metrics, case.routes, strict=True):
             row = dict(zip(header, cells, strict=True))
             assert row["Rank"] == str(m.rank)
             assert row["Way"] == m.way
@@ -94,6 +94,9 @@ def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> N
             assert float(row["F/D"]) == pytest.approx(m.fuel / m.length, rel=5e-3)
             assert row["Time"] == f"{m.duration_s / 3600:.1f} h"
             assert row["Clearance"] == texts.clearance(m.clearance_m)
+            widest = ranked.route.turn_padding.max() * result.scenario.scale
+            assert row["Turns need"] == texts.distance(widest)
+            assert "Offing" not in row
             assert row["Turns that met land"] == f"{m.collisions} of {m.trials}"
             gap = math.ceil(1000 * m.optimality_gap) / 10
             assert row["Optimality gap"] == f"{gap:.1f} %"  # an upper limit
