@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_103, 12),
     "pipeline/cli": (2_558, 6),
     "pipeline/findings": (3_879, 18),
-    "pipeline/formats": (7_659, 14),
+    "pipeline/formats": (7_661, 14),
     "pipeline/geo": (849, 4),
     "pipeline/machine": (1_593, 10),
     "pipeline/model": (1_494, 37),

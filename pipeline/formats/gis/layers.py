@@ -55,23 +55,25 @@ LAYERS: dict[str, dict[str, str]] = tomllib.loads(
 def frame(
     geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[ArrayLike]]
 ) -> GeoDataFrame:
-    """Make the frame of a layer, without the optional columns that have no value.
+    """Make the frame of a layer, without columns that have no value in it.
 
-    `geometry` has one geometry per feature, or one array of geometries per route or case. A
-    column has one value, or one array of values, per entry of `geometry`. Numbers that are not
-    finite become NaN, which is written as NULL; times are in UTC.
+    Figures of routes stay, unless they are optional. `geometry` has one geometry per feature, or
+    one array of geometries per route or case. A column has one value, or one array of values, per
+    entry of `geometry`. Numbers that are not finite become NaN, which is written as NULL; times are
+    in UTC.
     """
     import geopandas
 
     counts = [np.size(part) for part in geometry]
-    types = {name: COLUMNS[name].type if name in COLUMNS else "number" for name in columns}
+    types = {name: COLUMNS[name].type for name in columns}
     joined = {name: _joined(columns[name], counts, _TYPES[kind]) for name, kind in types.items()}
     shapes = _joined(geometry, counts, object)
     table = geopandas.GeoDataFrame(joined, geometry=shapes, crs="EPSG:4326")
     table = table.astype({n: "datetime64[s, UTC]" for n, kind in types.items() if kind == "time"})
-    optional = [name for name in columns if name in COLUMNS and COLUMNS[name].optional]
-    filled = table[optional].notna() & table[optional].ne("")
-    return table.drop(columns=[name for name in optional if not filled[name].any()])
+    cells = table[list(columns)]
+    filled = (cells.notna() & cells.ne("")).any() | table.empty
+    needed = [name for name in columns if COLUMNS[name].files and not COLUMNS[name].optional]
+    return table.drop(columns=[name for name in columns if not filled[name] and name not in needed])
 
 
 def rows_frame(geometry: Geometries, rows: Sequence[Mapping[str, Any]]) -> GeoDataFrame:
