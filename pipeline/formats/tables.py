@@ -3,6 +3,7 @@
 import csv
 import itertools
 import math
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -155,22 +156,8 @@ _ERROR_M = 5.0
 _NO_CURRENT_KN = 0.05
 
 
-_LEGS = {
-    "name": "Waypoint",
-    "latitude": "Latitude",
-    "longitude": "Longitude",
-    "course": "Course\n° true",
-    "leg_nm": "Leg\nNM",
-    "to_go_nm": "To go\nNM",
-    "speed_kn": "Speed over\nground, kn",
-    "passed": "Passed",
-    "left": "Left\n{}",
-    "limits_m": "Limits, m\nport / stbd",
-    "current": "Current on leg\nto ° true, kn",
-    "clearance": "Least\nclearance",
-    "water": "Water under\nkeel, m",
-    "nearest_land": "from where on the leg",
-}
+_HEADS = tomllib.loads(Path(__file__).with_name("printed.toml").read_text(encoding="utf-8"))
+_LEGS: dict[str, str] = _HEADS["legs"]
 
 
 def leg_headings(points: Waypoints) -> dict[str, str]:
@@ -367,20 +354,7 @@ def write_table(result: RunResult, path: Path) -> None:
     write_csv(path, columns, rows(result))
 
 
-PRINTED = {
-    "kind": "State",
-    "begin": "From",
-    "end": "Until, or\ntoo late after",
-    "haven": "Haven",
-    "turn_off": "Turn off",
-    "latitude": "Latitude",
-    "longitude": "Longitude",
-    "bearing": "Bearing\n° true",
-    "length": "Length\nNM",
-    "takes": "Time to\nhaven",
-    "longest": "At most,\nin all",
-    "fuel": "Fuel",
-}
+PRINTED: dict[str, str] = _HEADS["havens"]
 """Columns of the printed table, with their headings."""
 
 

@@ -33,6 +33,7 @@ from pipeline.nightly.planning import Planning
 from pipeline.nightly.records import (
     ACT,
     CASES_FILE,
+    COLUMNS,
     HISTORY_FILE,
     LOOK,
     OUTCOMES,
@@ -51,38 +52,23 @@ _NUMBER = pa.float64()
 _COUNT = pa.int64()
 
 
-def _fields(kind: pa.DataType, names: str) -> list[tuple[str, pa.DataType]]:
-    """Return columns of one type."""
-    return [(name, kind) for name in names.split()]
+_TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT, "time": _TIME}
 
 
-# Columns of both kinds of rows, cases and routes.
-_SHARED = [
-    ("index", _COUNT),
-    *_fields(_STRING, "case scenario season pair departure vessel member"),
-]
-_TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT}
+def _columns(table: str) -> list[tuple[str, pa.DataType]]:
+    """Return names and types of the columns of a table."""
+    named: list[str] = COLUMNS[table]
+    return [(name, _TYPES[kind]) for name, kind in map(str.split, named)]
+
+
 _ROUTE = [
     *((name, _TYPES[names.COLUMNS[name].type]) for name in names.figure_columns("night")),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
 ]
-_CASE = [
-    *_fields(_STRING, "status reason outcome why"),
-    ("leaves", _TIME),
-    *_fields(_STRING, "currents source stand_in"),
-    *_fields(_COUNT, "routes rejected"),
-    *_fields(_STRING, "earlier_cycle earlier_side earlier_class"),
-    ("earlier_arrival", _TIME),
-    ("keep_fuel", _NUMBER),
-    ("keep_arrival", _TIME),
-    *_fields(_NUMBER, "saving_percent apart_m members_waiting_saves members_gap"),
-    *_fields(_COUNT, "members_count members_flips"),
-    *_fields(_STRING, "members_sides members_left_out"),
-]
-CASE_SCHEMA = pa.schema([*_SHARED, *_CASE, *_ROUTE])
+CASE_SCHEMA = pa.schema([*_columns("shared"), *_columns("cases"), *_ROUTE])
 """Columns of `cases.parquet`: a case, its best route, and what changed."""
-ROUTE_SCHEMA = pa.schema([*_SHARED, ("rank", _COUNT), *_ROUTE])
+ROUTE_SCHEMA = pa.schema([*_columns("shared"), ("rank", _COUNT), *_ROUTE])
 """Columns of `routes.parquet`."""
 ROUTES_FILE = "routes.parquet"
 # https://geoparquet.org/releases/v1.1.0/; without a crs, coordinates are lon/lat (OGC:CRS84).
@@ -91,28 +77,9 @@ _GEO = {
     "primary_column": "geometry",
     "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["LineString"]}},
 }
-HISTORY_SCHEMA = pa.schema(
-    [
-        ("cycle", _STRING),
-        ("reference_time", _TIME),
-        *_fields(_STRING, "case status outcome side class"),
-        ("fuel", _NUMBER),
-        ("arrival", _TIME),
-        ("saving_percent", _NUMBER),
-    ]
-)
+HISTORY_SCHEMA = pa.schema(_columns("history"))
 """Columns of `history.parquet`: a row for each case of each cycle."""
 CHANGES_FILE = "changes.csv"
-# fmt: off
-CHANGES_COLUMNS = (
-    "case", "outcome", "why", "earlier_cycle", "earlier_side", "side", "earlier_class", "class",
-    "earlier_arrival", "keep_arrival", "arrival", "keep_fuel", "fuel", "saving_percent", "apart_m",
-    "members_count", "members_flips", "members_sides", "members_mean_fuel", "members_p90_fuel",
-    "members_cvar90_fuel", "members_regret", "members_waiting_saves", "members_gap",
-    "status", "reason",
-)
-# fmt: on
-"""Columns: `earlier_…` is of yesterday's route, `keep_…` of that route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = {
     "title": "Routes of the night",
@@ -120,7 +87,7 @@ LAYER = {
     "routes.parquet has all routes",
     "geometry_type": "LineString",
 }
-_LAYER_TEXTS = (*(name for name, _ in _SHARED if name != "index"), "side", "class")
+_LAYER_TEXTS = (*(name for name, _ in _columns("shared") if name != "index"), "side", "class")
 # Figures of a route in the layer: those of the layer of a run.
 _FIGURES = tuple(
     name
@@ -151,10 +118,10 @@ def write_changes(cases: Iterable[Row], path: Path) -> None:
     """Write the changes of a cycle; without an earlier cycle, only the header."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(CHANGES_COLUMNS)
+        writer.writerow(COLUMNS["changes"])
         for row in cases:
             if row["earlier_cycle"]:
-                writer.writerow([_spelled(row[column]) for column in CHANGES_COLUMNS])
+                writer.writerow([_spelled(row[column]) for column in COLUMNS["changes"]])
 
 
 def _spelled(value: object) -> object:

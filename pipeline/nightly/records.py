@@ -6,6 +6,7 @@ hashes show later changes. No other file of a cycle contains the time when it wa
 """
 
 import json
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -35,6 +36,8 @@ LOOK = "look"
 ACT = "act"
 """Outcome of a case: yesterday's way can't be sailed any more, or there is no route."""
 OUTCOMES = (SAME, LOOK, ACT)
+COLUMNS = tomllib.loads(Path(__file__).with_name("tables.toml").read_text(encoding="utf-8"))
+"""Columns of a night's tables."""
 
 
 def write_record(
@@ -196,14 +199,6 @@ def readable_cycle(cycles: Cycles) -> tuple[str, list[str]]:
 
 # Largest number of cases that `show` prints.
 _MAX_SHOWN = 20
-# fmt: off
-_SHOWN = (
-    "case", "outcome", "why", "status", "reason", "currents", "source", "stand_in", "leaves",
-    "arrival", "side", "class", "fuel", "length_m", "duration_s", "clearance_m", "optimality_gap",
-    "routes", "rejected", "collisions", "earlier_cycle", "earlier_side", "earlier_class",
-    "earlier_arrival", "keep_fuel", "keep_arrival", "saving_percent", "apart_m",
-)
-# fmt: on
 
 
 def status_lines(output: Path) -> Iterator[str]:
@@ -243,7 +238,7 @@ def case_lines(output: Path, asked: str) -> Iterator[str]:
     if not cycles.latest:
         raise RequestError(f"{output} has no finished cycle; `renew nightly run` makes one")
     folder, count = cycles.folder(cycles.latest), 0
-    for row in pq.read_table(folder / CASES_FILE, columns=list(_SHOWN)).to_pylist():
+    for row in pq.read_table(folder / CASES_FILE, columns=COLUMNS["shown"]).to_pylist():
         if not matches(row["case"], asked):
             continue
         count += 1

@@ -19,6 +19,7 @@ import shutil
 import signal
 import tempfile
 import time
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -171,26 +172,7 @@ AcceptedT = TypeVar("AcceptedT")
 _PAUSE_GROWTH = 3.0
 # Time within which the service must say which steps it has, s.
 _LOOK_S = 120.0
-# Errors of the client that another attempt does not solve, and the remedies.
-_PERMANENT_ERRORS = {
-    "InvalidUsernameOrPassword": f"check {LOGIN}",
-    "CredentialsCannotBeNone": f"set {LOGIN}",
-    "CoordinatesOutOfDatasetBounds": "shrink the region, or name another source in 'currents'",
-    "NotCoveredError": "name another time, or another source in 'currents'",
-    "DatasetVersionNotFound": "correct `version` in its entry in the catalogue",
-    "VariableDoesNotExistInTheDataset": "correct its entry in the catalogue",
-}
-# Errors that may pass, and what to check if they don't.
-_TEMPORARY_ERRORS = {
-    "CouldNotConnectToAuthenticationSystem": (
-        "auth.marine.copernicus.eu can't be reached; check the connection and the proxy"
-    ),
-    "DatasetUpdating": "try again in an hour",
-    "DatasetNotFound": (
-        "if the service's catalogue is in order, correct the dataset's entry in ours, or name "
-        "another source in 'currents'"
-    ),
-}
+_ERRORS = tomllib.loads(Path(__file__).with_name("errors.toml").read_text(encoding="utf-8"))
 _TRY_LATER = "try again later, or name another source in 'currents'"
 # Length to which the client's messages are cut, characters.
 _MAX_MESSAGE_LENGTH = 400
@@ -269,9 +251,9 @@ def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | 
     if "error" not in answer:
         return answer
     name = answer["error"]
-    remedy = {**_PERMANENT_ERRORS, **_TEMPORARY_ERRORS}.get(name, _TRY_LATER)
+    remedy = {**_ERRORS["permanent"], **_ERRORS["temporary"]}.get(name, _TRY_LATER)
     said = _presentable(f"{name}: {answer['said']}").rstrip(": .")
-    return f"the client failed: {said}; {remedy}", name in _PERMANENT_ERRORS
+    return f"the client failed: {said}; {remedy.format(login=LOGIN)}", name in _ERRORS["permanent"]
 
 
 def _ended(ended: WorkerEndedError) -> str:

@@ -98,7 +98,8 @@ def test_every_line_stands_out_from_land_and_sea(ground: str, vision: str) -> No
     """WCAG asks for a contrast of 3 between graphics and what is around them."""
     for colours, seasons in ((COLOURS, SEASON_COLOURS), (DARK, SEASON_COLOURS_ON_DARK)):
         roles = {one for one in colours if not one.startswith("speed")} - NO_LINES
-        lines = {**{role: colours[role] for role in roles}, **dict(enumerate(seasons))}
+        lines = {role: colours[role] for role in roles}
+        lines |= {f"season {number}": one for number, one in enumerate(seasons)}
         low = {
             role: colour
             for role, colour in lines.items()

@@ -137,11 +137,11 @@ def test_what_turns_need_is_red_where_the_offing_is_wider(result: RunResult) -> 
     ranked = result.routes[0]
     fifth = replace(ranked.route, turn_padding=ranked.route.padding_used[:, 4] / 5)
     grey, red = profile_figure(replace(ranked, route=fifth)).axes[3].collections
-    high = {
-        area: max(np.asarray(path.vertices)[:, 1].max() for path in area.get_paths())
-        for area in (grey, red)
-    }
-    assert high[red] == pytest.approx(high[grey] / 5)
+    high = [
+        max(np.asarray(path.vertices)[:, 1].max() for path in one.get_paths())
+        for one in (grey, red)
+    ]
+    assert high[1] == pytest.approx(high[0] / 5)
 
 
 def test_fuel_in_still_water_is_what_the_distance_takes(planar_result: RunResult) -> None:
