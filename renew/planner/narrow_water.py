@@ -107,13 +107,15 @@ def _middles(
     """Return the lines through the middles of the sections that padding shuts, and shut ends."""
     radius = voyage.vessel.turning_radius
     shut = Capsules(padded.start, padded.end, padded.padding + SLACK * radius)
+    # What is shut is no further from land than padding is wide; a sliver of it may be open.
+    reach = 2 * float(shut.radius.max(initial=0.0))
     spacing, found = _SPACING * radius, (np.empty((0, 2)), np.empty(0), np.empty(0, dtype=int))
     for _ in range(2):
         sections = sections_of(channel, voyage.start, voyage.goal, spacing, _ANGLE)
         number = np.flatnonzero(free_intervals(sections, shut).blocked)
         blocked = sections.select(number)
         points = blocked.points(np.broadcast_to(_PLACES, (len(number), len(_PLACES))))
-        room = triangulation.room_at(points, math.inf)
+        room = triangulation.room_at(points, reach)
         row, best = np.arange(len(number)), room.argmax(axis=1) if len(number) else number
         found = points[row, best], room[row, best], number
         finest = float(found[1].min(initial=spacing))
