@@ -412,6 +412,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{text.percent(ashore)}"
     ),
     "adrift-kept": _adrift_kept,
+    "worst-met": lambda name, unit, most, place, at, left: (
+        f"{name} of up to {most:.1f} {unit} on the best route, at {place.text}, "
+        f"{text.moment_text(at)}: {left:.1f} {unit} below the limit"
+    ),
     "area-shut": _area_shut,
     "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: "
     "vessels under 20 m need not keep lanes, unless planner.lanes = true, and others do where "
@@ -456,9 +460,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "waits-at-anchor": lambda place, begin, until: (
         f"the vessel lies at anchor at {place.text}{_from_until(begin, until, '')}"
     ),
-    "waits-for-water": lambda place, begin, until, fuel: (
-        f"the vessel waits at {place.text}{_from_until(begin, until, '')}, until water ahead opens"
-        + (f": holding its place there takes {text.number(fuel)} of fuel" if fuel else "")
+    "waits-for-water": lambda place, begin, until, fuel, anchors: (
+        f"the vessel waits {'at anchor ' * anchors}at {place.text}{_from_until(begin, until, '')}, "
+        "until water ahead opens"
+        + (f": staying there takes {text.number(fuel)} of fuel" if fuel else "")
     ),
     "limits-unchecked": "{vessel} has limits of waves or wind, and no files were given to hold "
     "them against (--waves, --wind)",

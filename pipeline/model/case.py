@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray
@@ -192,6 +193,7 @@ class Case:
     areas, tidal_depth : areas and tidal water that are shut at times of the clock; the height of
         tide that tidal water needs includes the `under_keel_clearance_m`.
     weather : wind and waves with a limit; water over it is among the `areas`.
+    anchorage : water in which the vessel can anchor while it waits, or None.
     speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
     members : the currents whose mean is the current.
     lanes : traffic lanes that no route may sail against.
@@ -211,6 +213,7 @@ class Case:
     departure: datetime | None = None
     areas: tuple[renew.ShutArea, ...] = ()
     weather: tuple[LimitedField, ...] = ()
+    anchorage: BaseGeometry | None = None
     tidal_depth: renew.TidalDepth | None = None
     under_keel_clearance_m: float = 0.0
     speeds: SpeedChoice | None = None

@@ -41,6 +41,11 @@ class VesselLimits(StrictModel):
 
     wave_m: _Figure | None = Field(default=None, examples=[1.2], json_schema_extra=strict.unit("m"))
     """Greatest significant wave height, metres. Give metres above 0, or leave it out."""
+    period_s: _Figure | None = Field(
+        default=None, examples=[9.0], json_schema_extra=strict.unit("s")
+    )
+    """Longest period of the waves, peak or mean as the files of waves have it, s. Give seconds
+    above 0, or leave it out."""
     wind_m_s: _Figure | None = Field(
         default=None, examples=[12.0], json_schema_extra=strict.unit("m/s")
     )
@@ -54,6 +59,11 @@ class VesselLimits(StrictModel):
     )
     """Wind against the current, which raises short and steep waves. Give a table with both limits,
     or leave it out."""
+    anchor_m: _Figure | None = Field(
+        default=None, examples=[30.0], json_schema_extra=strict.unit("m")
+    )
+    """Greatest charted depth in which the vessel anchors while it waits, metres, on charts with
+    areas of depth (S-57). Give metres above 0, or leave it out: it then holds its place."""
 
 
 # A watt-hour, joules.

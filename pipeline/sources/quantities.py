@@ -211,4 +211,23 @@ WAVES = Quantity(
     grib_text="significant heights of waves: 100, or ECMWF's 140229, in GRIB 1, 10/0/3 in GRIB 2",
 )
 
-QUANTITIES = (CURRENT, WIND, GUST, WAVES)
+PERIOD = Quantity(
+    name="wave period",
+    standard_names=(
+        ("sea_surface_wave_period_at_variance_spectral_density_maximum",) * 2,
+        ("sea_surface_wave_mean_period",) * 2,
+    ),
+    variable_names=tuple((name, name) for name in ("vtpk", "pp1d", "tp", "perpw", "mwp", "vtm10")),
+    unit="s",
+    units={"s": 1.0},
+    examples="s",
+    most=40.0,  # the wind raises no longer waves
+    grib={(108,): SIZE, (231, 140): SIZE, (232, 140): SIZE, (10, 0, 34): SIZE, (10, 0, 11): SIZE},
+    grib_names={
+        SIZE: ("pp1d", "sea_surface_wave_period_at_variance_spectral_density_maximum", "s")
+    },
+    grib_text="periods of waves: 108, or ECMWF's 140231 and 140232, in GRIB 1, 10/0/34 and 10/0/11 "
+    "in GRIB 2",
+)
+
+QUANTITIES = (CURRENT, WIND, GUST, WAVES, PERIOD)

@@ -11,13 +11,14 @@ from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.model import LimitsSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
-from pipeline.sources.quantities import GUST, WAVES, WIND, Quantity
+from pipeline.sources.quantities import GUST, PERIOD, WAVES, WIND, Quantity
 
 
 def weather_files(spec: LimitsSpec, limits: VesselLimits) -> Iterator[tuple[str, CfFiles]]:
     """Yield the files that are needed, each by the name of its limit."""
     rows: tuple[tuple[str, tuple[str, ...], Quantity], ...] = (
         ("wave_m", spec.waves, WAVES),
+        ("period_s", spec.waves, PERIOD),
         ("wind_m_s", spec.wind, WIND),
         ("gust_m_s", spec.wind, GUST),
         ("wind_against_current", spec.wind, WIND),

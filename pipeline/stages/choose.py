@@ -207,7 +207,8 @@ def with_waits(given: Chosen) -> Chosen:
         with contextlib.suppress(renew.PlanningError):
             options = plan_options(given.scenario.planner, min_lateness=MIN_LATENESS_S)
             asked = case.copy().request(options)
-            found = in_thread(partial(plan_waiting, asked, spec.wait_s, tick=_MINUTE_S))
+            plan = partial(plan_waiting, tick=_MINUTE_S, anchorage=case.anchorage)
+            found = in_thread(partial(plan, asked, spec.wait_s))
             if found.waits:
                 waiting = _in_parts(waiting, case, found)
     return waiting
@@ -242,6 +243,7 @@ def _in_parts(given: Chosen, case: Case, found: WaitingPlan) -> Chosen:
             begin=case.moment(wait.begin),
             until=case.moment(wait.end),
             fuel=wait.fuel,
+            anchors=wait.at_anchor,
         )
         for wait in found.waits
     ]

@@ -38,7 +38,7 @@ from pipeline.scenario.season import MembersSpec
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.lanes import kept_lanes
-from pipeline.stages.limits import FlowAt, limited_fields, over_limits
+from pipeline.stages.limits import FlowAt, anchorage, limited_fields, over_limits
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,
@@ -145,7 +145,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
         else:
             current = planar_current(grid, water.projection, water.chart.bounds)
         grids_of = fetched.weather.get(season.name, {})
-        weather = limited_fields(grids_of, scenario.weather_limits, _flow_of(water, current))
+        weather = limited_fields(grids_of, scenario.weather_limits, flow_of(water, current))
         vessel = planner_vessel(scenario.vessel_in(season))
         depends_on_date = season.is_changing or season.speed is not None or has_hours
         cases.append(
@@ -164,6 +164,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                     *over_limits(weather, water.projection, water.chart.extent),
                 ),
                 weather=weather,
+                anchorage=anchorage(scenario.weather_limits, fetched.land, water.projection),
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
                 speeds=SpeedChoice.of(season),
@@ -175,7 +176,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
     return tuple(cases)
 
 
-def _flow_of(water: Water, current: Current) -> FlowAt:
+def flow_of(water: Water, current: Current) -> FlowAt:
     """Return the current, east and north, at lon/lat and a time."""
 
     def flow(lonlat: FloatArray, time: float) -> FloatArray:

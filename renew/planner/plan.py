@@ -13,7 +13,7 @@ area is safe.
 """
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar, cast
 
@@ -25,7 +25,9 @@ from renew._types import FloatArray, IntArray
 from renew.errors import (
     GoalInNoGoError,
     InfeasibleError,
+    Moment,
     PlanningError,
+    ShutStartError,
     StartInNoGoError,
     Text,
     TooLateError,
@@ -57,6 +59,8 @@ _MAX_POINTS = 20_000
 
 # Number of shut areas that an error names: with official levels each has its own hours.
 _MOST_NAMED = 3
+# Time (s) in which an area at a stop has to open: a tide that is too low for as long stays so.
+_HORIZON = 30 * 86_400.0
 
 
 def plan_request(request: Request) -> Plan:
@@ -70,6 +74,7 @@ def plan_request(request: Request) -> Plan:
             raise no_class_error(plan.rejected, planner)
         return plan, planner
 
+    check_start_open(request, request.departure)
     beside = _plan_past_weather(request)
     return plan_around(request.areas, plan_with) if beside is None else beside
 
@@ -81,7 +86,7 @@ def or_with_shortfall(request: Request, plan: Callable[[Request], _T]) -> _T:
         return plan(request)
     except UnreachableError as error:
         is_late = error.causes and all(isinstance(one, TooLateError) for one in error.causes)
-        if is_late or not options.may_fall_short:
+        if is_late or isinstance(error, ShutStartError) or not options.may_fall_short:
             raise
     return plan(replace(request, falls_short=True))
 
@@ -129,6 +134,28 @@ def _new_planner(request: Request, closed: Collection[Opening], most: float | No
     return ClassPlanner(problem.falling_short() if request.falls_short else problem)
 
 
+def check_start_open(request: Request, departure: float, longest: float = 0.0) -> None:
+    """Refuse a start that areas shut for longer than a wait may last (s), from a departure (s)."""
+    place, opens, shut = request.stops[0], departure, list[Opening]()
+    stays = request.options.min_lateness + request.vessel.turn_period
+    polygons = np.array([area.polygon for area in request.areas], dtype=object)
+    around = np.flatnonzero(shapely.intersects_xy(polygons, *place)).tolist()
+    hours = (request.areas[at].hours(departure, departure + _HORIZON).tolist() for at in around)
+    spells = [(*own, at) for at, each in zip(around, hours, strict=True) for own in each]
+    for begin, end, at in sorted(spells):
+        if begin < opens + stays and end > opens:
+            opens = end
+            shut.append(request.areas[at])
+    if opens <= departure + longest:
+        return
+    remedy = "It does not open again: move it"
+    if opens < math.inf:
+        wait = f", or let the vessel wait{' longer' if longest else ''} (wait in [limits])"
+        remedy = "Depart after {2}" + wait * any(isinstance(area, OverLimit) for area in shut)
+    named = _named(shut, departure)
+    raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, Moment(opens))
+
+
 def meetings(
     route: Route, areas: Sequence[Opening], planner: ClassPlanner
 ) -> dict[Opening, InfeasibleError]:
@@ -137,11 +164,7 @@ def meetings(
         return {}
     voyage = planner.problem.voyage.leaving(float(route.times[0]))
     found = dict[Opening, InfeasibleError]()
-    for line, times in (
-        (route.path, route.times),
-        (route.trajectory[:, 1:3], route.trajectory[:, 0]),
-    ):
-        points, passed = _densified(line, times, _spacing(line, voyage.vessel))
+    for points, passed in _lines(route, voyage.vessel):
         early, late = voyage.early_and_late(passed)
         begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
         # Most of many areas, such as the cells of a wind, are open all the way.
@@ -161,6 +184,15 @@ def meetings(
     return {area: found[area] for area in areas if area in found}
 
 
+def _lines(route: Route, vessel: Vessel) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield close points (n, 2), m, and times (n,), s, of a route's path and of its trajectory."""
+    for line, times in (
+        (route.path, route.times),
+        (route.trajectory[:, 1:3], route.trajectory[:, 0]),
+    ):
+        yield _densified(line, times, _spacing(line, vessel))
+
+
 def _near(
     points: FloatArray, areas: Sequence[Opening], planner: ClassPlanner
 ) -> tuple[IntArray, IntArray]:
@@ -177,21 +209,25 @@ def _near(
 def first_clear(
     route: Route, areas: Sequence[Opening], planner: ClassPlanner, delays: FloatArray
 ) -> float | None:
-    """Return the first of some delays (s) with which a route's path meets no shut area, or None."""
-    voyage, (line, times) = planner.problem.voyage, (route.path, route.times)
-    spacing = _spacing(line, voyage.vessel)
-    leg, which = _near(_densified(line, times, spacing)[0], areas, planner)
-    order = np.argsort(which, kind="stable")
-    groups = np.split(leg[order], np.flatnonzero(np.diff(which[order])) + 1)
-    met = list(zip(np.unique(which).tolist(), groups, strict=False))
+    """Return the first of some delays (s) with which a route meets no shut area, or None."""
+    voyage, passages = planner.problem.voyage, list[tuple[Opening, FloatArray, FloatArray]]()
+    for points, passed in _lines(route, voyage.vessel):
+        leg, which = _near(points, areas, planner)
+        order = np.argsort(which, kind="stable")
+        legs = np.split(leg[order], np.flatnonzero(np.diff(which[order])) + 1)
+        for at, near in zip(np.unique(which).tolist(), legs, strict=False):
+            passages.append((areas[at], passed[near], passed[near + 1]))
     for delay in delays.tolist():
-        later = voyage.leaving(float(times[0]) + delay)
-        _, passed = _densified(line, later.arrivals(line), spacing)
-        if not np.isfinite(passed).all():
+        later = voyage.leaving(float(route.times[0]) + delay)
+        moved = later.arrivals(route.path) - route.times
+        if not np.isfinite(moved).all():
             return None
-        early, late = later.early_and_late(passed)
-        begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
-        if not any(areas[at].is_shut(begin[near], end[near]).any() for at, near in met):
+        for area, first, last in passages:
+            early, _ = later.early_and_late(first + np.interp(first, route.times, moved))
+            _, late = later.early_and_late(last + np.interp(last, route.times, moved))
+            if area.is_shut(early, late + voyage.vessel.turn_period).any():
+                break
+        else:
             return float(delay)
     return None
 
@@ -381,9 +417,6 @@ def unavoidable(
 
     The error gives the areas' hours from a departure (s) on.
     """
-    # Many areas of a chart share a name and a needed height of tide.
-    each = {str(text): text for text in (area.text(departure) for area in closed)}
-    texts = list(each.values())[:_MOST_NAMED]
     # Of the reasons of many classes one is enough; an end inside an area is told with the area.
     causes = failure.causes if isinstance(failure, UnreachableError) else ()
     around = Text("")
@@ -394,9 +427,16 @@ def unavoidable(
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
         f"{otherwise}",
-        Text.joined("; ", texts),
+        _named(closed, departure),
         around,
     )
+
+
+def _named(areas: Sequence[Opening], departure: float) -> Text:
+    """Name the first of some areas with their hours from a departure (s) on."""
+    # Many areas of a chart share a name and a needed height of tide.
+    each = {str(text): text for text in (area.text(departure) for area in areas)}
+    return Text.joined("; ", list(each.values())[:_MOST_NAMED])
 
 
 def with_least_water(plan: Plan, request: Request) -> Plan:
