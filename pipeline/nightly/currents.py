@@ -28,6 +28,7 @@ from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files
 from pipeline.sources.cf.dataset import fatal_files
 from pipeline.sources.registry import current_source
+from pipeline.stages.fetch import weather_keys
 
 # Number of a hash's digits in a cycle's name.
 _DIGITS = 8
@@ -60,7 +61,7 @@ class Newest:
     time : the currents' reference time; their last step if the source gives none; None if they
         have no time.
     departures_from : earliest time of the first departure.
-    digest : hash of all currents' data, or of the numbers that define a plane's current.
+    digest : hash of all currents' and limited weather's data, or of a plane's numbers.
     is_timeless : whether all currents are numbers in a plane, for which no new forecast appears.
     ahead : for each source that is dated in the future, the reason why it is not used.
     """
@@ -118,7 +119,10 @@ def newest_currents(
         )
     if not issues and not planes:
         raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}; come again later")
-    digest = _hash(sorted([*planes, *(issue.digest for issue in issues)]))
+    weather = [
+        str(weather_keys(block.scenario, season)) for block in blocks for season in block.seasons
+    ]
+    digest = _hash(sorted([*planes, *(issue.digest for issue in issues), *weather]))
     is_timeless = all(block.scenario.is_planar for block in blocks)
     dated = [(issue.reference or issue.last_step, issue) for issue in issues]
     times = [time for time, _ in dated if time is not None]

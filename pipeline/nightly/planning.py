@@ -34,7 +34,7 @@ from pipeline.nightly.worker import (
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import CYCLES, Currents, Season
 from pipeline.scenario.strict import Point
-from pipeline.stages.fetch import with_max_hours
+from pipeline.stages.fetch import on_clock
 from pipeline.texts import clean
 
 # Duration of a batch, s: a job that is killed loses its unfinished batches.
@@ -207,7 +207,11 @@ class Planning:
         chart = self.chart_path(case)
         key = (chart, case.current)
         if key not in self._current_paths:
-            made_from = (self.newest.digest, chart.name, self.season(case).model_dump(mode="json"))
+            limits = _scenario(case).limits
+            made_from = (
+                *(self.newest.digest, chart.name, self.season(case).model_dump(mode="json")),
+                *([] if limits is None else [limits.model_dump()]),
+            )
             self._current_paths[key] = self.store.path(
                 "night-current", artefact_key(STAGE, *made_from)
             )
@@ -231,7 +235,9 @@ class Planning:
             if case.season.time_method == "mean":
                 update["time_method"] = None
         season = case.season.model_copy(update=update)
-        return with_max_hours(season, _longest(case)) if season.is_changing else season
+        if not season.is_changing and case.block.scenario.limits is None:
+            return season
+        return season.model_copy(update={"max_hours": on_clock(season, _longest(case)).max_hours})
 
     def leaves(self, case: NightCase) -> datetime | None:
         """Return a case's departure; None if neither the night nor the season gives one."""

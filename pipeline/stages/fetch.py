@@ -125,15 +125,8 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     """
     if scenario.limits is None or scenario.region is None:
         return fetched
-    from pipeline.sources.weather import weather_files, weather_grids
-
-    spec, limits, region = scenario.limits, scenario.weather_limits, scenario.region.shape
-    weather, keys = dict[str, dict[str, CurrentGrid]](), list[object]()
-    for season in scenario.seasons:
-        clock = season.model_copy(update={"time_method": "changing"})
-        clock = with_max_hours(clock, scenario)
-        weather[season.name] = weather_grids(spec, limits, region, clock)
-        keys += [source.identity(clock) for _, source in weather_files(spec, limits)]
+    weather = {season.name: season_weather(scenario, season) for season in scenario.seasons}
+    keys = [key for season in scenario.seasons for key in weather_keys(scenario, season)]
     notes = {
         name: [note for grid in grids.values() for note in grid.notes]
         for name, grids in weather.items()
@@ -144,6 +137,34 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
         weather_keys=tuple(keys),
         notes=(*fetched.notes, *of_cases(notes)),
     )
+
+
+def season_weather(scenario: Scenario, season: Season) -> dict[str, CurrentGrid]:
+    """Read a season's wind and waves in the scenario's region, by the names of their limits."""
+    if scenario.limits is None or scenario.region is None:
+        return {}
+    from pipeline.sources.weather import weather_grids
+
+    clock, region = on_clock(season, scenario), scenario.region.shape
+    return weather_grids(scenario.limits, scenario.weather_limits, region, clock)
+
+
+def weather_keys(scenario: Scenario, season: Season) -> list[object]:
+    """Return what the wind and waves of a season depend on."""
+    if scenario.limits is None:
+        return []
+    from pipeline.sources.weather import weather_files
+
+    clock, files = (
+        on_clock(season, scenario),
+        weather_files(scenario.limits, scenario.weather_limits),
+    )
+    return [source.identity(clock) for _, source in files]
+
+
+def on_clock(season: Season, scenario: Scenario) -> Season:
+    """Return a season whose data change with time, with the hours that a voyage may last."""
+    return with_max_hours(season.model_copy(update={"time_method": "changing"}), scenario)
 
 
 def with_max_hours(season: Season, scenario: Scenario) -> Season:
