@@ -556,6 +556,23 @@ def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
         )
 
 
+def weather_notes(ranked: RankedRoute) -> Iterator[Note]:
+    """Yield a note on the highest waves, and one on the strongest wind, that a route meets."""
+    row = ranked.metrics
+    for name, of, unit, key in (("waves", "wave", "m", "m"), ("wind", "wind", "m/s", "m_s")):
+        most = getattr(row, f"worst_{of}_{key}")
+        if math.isfinite(most):
+            yield Note.of(
+                "worst-met",
+                name=name,
+                unit=unit,
+                most=most,
+                place=Place(*(getattr(row, f"worst_{of}_{axis}") for axis in ("lon", "lat"))),
+                at=getattr(row, f"worst_{of}_at"),
+                left=getattr(row, f"{of}_headroom_{key}"),
+            )
+
+
 def unsafe_notes(ranked: RankedRoute) -> Iterator[Note]:
     """Yield notes: stretches without room for a turn, too little energy, other turns into no-go."""
     yield from narrow_notes(ranked)

@@ -18,6 +18,7 @@ from pipeline.findings.result import (
     adrift_notes,
     has_all_depths,
     narrow_notes,
+    weather_notes,
 )
 from pipeline.findings.text import (
     capitalised,
@@ -206,7 +207,7 @@ def _facts(points: Waypoints) -> list[str]:
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
         *(
             f"{capitalised(line)}."
-            for notes in (narrow_notes, adrift_notes)
+            for notes in (narrow_notes, adrift_notes, weather_notes)
             for line in note_texts(notes(points.ranked))
         ),
         tightest_text(case.case, tightest) if tightest else "",

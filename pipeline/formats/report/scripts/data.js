@@ -33,7 +33,7 @@ function readRoute(route, step) {
   for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], step);
   read.marked = route.marked.map(({ role, places }) => ({ role, places: readLine(places, step) }));
   read.soft = route.soft.map((ring) => readRing(ring, step));
-  for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
+  for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance", "waves", "wind"]) {
     read[name] = readSeries(route[name]);
   }
   return read;
@@ -140,6 +140,8 @@ function stateAt(route, share) {
     distance: between(route.distance, at),
     fuel: between(route.fuel, at),
     clearance: between(route.clearance, at),
+    waves: between(route.waves, at),
+    wind: between(route.wind, at),
     current: between(route.current, at),
     course: route.course[here],
     speed: route.speed[here],
