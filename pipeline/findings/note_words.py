@@ -406,10 +406,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{text.number(has)} {unit} over the reserve: the vessel doesn't get there"
     ),
     "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
-    "adrift": lambda least_s, place, soon, ashore: (
-        f"without thrust the current carries the vessel ashore in {text.duration(least_s)}, from "
-        f"{place.text}; within 6 h from {text.percent(soon)} of the best route, within 72 h from "
-        f"{text.percent(ashore)}"
+    "adrift": lambda least_s, place, soon, ashore, by_wind: (
+        f"without thrust the current {'and the wind carry' if by_wind else 'carries'} the vessel "
+        f"ashore in {text.duration(least_s)}, from {place.text}; within 6 h from "
+        f"{text.percent(soon)} of the best route, within 72 h from {text.percent(ashore)}"
     ),
     "adrift-kept": _adrift_kept,
     "worst-met": lambda name, unit, most, place, at, left: (

@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -553,23 +553,25 @@ def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
             place=Place(row.adrift_lon, row.adrift_lat),
             soon=row.adrift_share,
             ashore=row.ashore_share,
+            by_wind=case.case.leeway is not None,
         )
+
+
+def sea_notes(ranked: RankedRoute) -> Iterator[Note]:
+    """Yield notes on a vessel without thrust, and on the weather that a route meets."""
+    yield from adrift_notes(ranked)
+    yield from weather_notes(ranked)
 
 
 def weather_notes(ranked: RankedRoute) -> Iterator[Note]:
     """Yield a note on the highest waves, and one on the strongest wind, that a route meets."""
-    row = ranked.metrics
+    row = partial(getattr, ranked.metrics)
     for name, of, unit, key in (("waves", "wave", "m", "m"), ("wind", "wind", "m/s", "m_s")):
-        most = getattr(row, f"worst_{of}_{key}")
+        most, at, left = map(row, (f"worst_{of}_{key}", f"worst_{of}_at", f"{of}_headroom_{key}"))
+        place = Place(row(f"worst_{of}_lon"), row(f"worst_{of}_lat"))
         if math.isfinite(most):
             yield Note.of(
-                "worst-met",
-                name=name,
-                unit=unit,
-                most=most,
-                place=Place(*(getattr(row, f"worst_{of}_{axis}") for axis in ("lon", "lat"))),
-                at=getattr(row, f"worst_{of}_at"),
-                left=getattr(row, f"{of}_headroom_{key}"),
+                "worst-met", name=name, unit=unit, most=most, place=place, at=at, left=left
             )
 
 

@@ -15,10 +15,9 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import (
     RunCase,
     RunResult,
-    adrift_notes,
     has_all_depths,
     narrow_notes,
-    weather_notes,
+    sea_notes,
 )
 from pipeline.findings.text import (
     capitalised,
@@ -207,7 +206,7 @@ def _facts(points: Waypoints) -> list[str]:
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
         *(
             f"{capitalised(line)}."
-            for notes in (narrow_notes, adrift_notes, weather_notes)
+            for notes in (narrow_notes, sea_notes)
             for line in note_texts(notes(points.ranked))
         ),
         tightest_text(case.case, tightest) if tightest else "",

@@ -207,11 +207,7 @@ class Planning:
         chart = self.chart_path(case)
         key = (chart, case.current)
         if key not in self._current_paths:
-            limits = _scenario(case).limits
-            made_from = (
-                *(self.newest.digest, chart.name, self.season(case).model_dump(mode="json")),
-                *([] if limits is None else [limits.model_dump()]),
-            )
+            made_from = (self.newest.digest, chart.name, self.season(case).model_dump(mode="json"))
             self._current_paths[key] = self.store.path(
                 "night-current", artefact_key(STAGE, *made_from)
             )

@@ -159,7 +159,7 @@ def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
 
 def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
     """Return the store's key of a scenario's chart on which `ends` stay in water."""
-    names = {"region", "plane", "scale", "chart", "vessel", "start", "goal", "planner"}
+    names = {"region", "plane", "scale", "chart", "vessel", "limits", "start", "goal", "planner"}
     inputs = scenario.model_dump(mode="json", include=names)
     identity = () if scenario.is_planar else charted_land(scenario).identity
     return artefact_key(STAGE, identity, inputs, list(ends))

@@ -64,6 +64,9 @@ class VesselLimits(StrictModel):
     )
     """Greatest charted depth in which the vessel anchors while it waits, metres, on charts with
     areas of depth (S-57). Give metres above 0, or leave it out: it then holds its place."""
+    leeway: _Figure | None = Field(default=None, le=0.5, examples=[0.03])
+    """Speed at which the wind at 10 m carries the vessel without thrust, as a share of the wind's:
+    it counts in hours adrift. Give a share, such as 0.03, or leave it out."""
 
 
 # A watt-hour, joules.

@@ -22,6 +22,7 @@ def weather_files(spec: LimitsSpec, limits: VesselLimits) -> Iterator[tuple[str,
         ("wind_m_s", spec.wind, WIND),
         ("gust_m_s", spec.wind, GUST),
         ("wind_against_current", spec.wind, WIND),
+        ("leeway", spec.wind, WIND),
     )
     for name, paths, quantity in rows:
         if getattr(limits, name) is not None and paths:

@@ -14,13 +14,7 @@ import renew
 from pipeline.errors import LateFaults
 from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
-from pipeline.findings.result import (
-    RunResult,
-    addressed,
-    adrift_notes,
-    unsafe_notes,
-    weather_notes,
-)
+from pipeline.findings.result import RunResult, addressed, sea_notes, unsafe_notes
 from pipeline.findings.way_names import way_names
 from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
@@ -146,8 +140,8 @@ def safety_notes(result: RunResult) -> Iterator[Note]:
     """Yield notes on room to turn, a vessel without thrust, and weather on the best routes."""
     for case in result.cases:
         for best in case.routes[:1]:
-            for notes in (unsafe_notes, adrift_notes, weather_notes):
-                yield from (note.about(case.name) for note in notes(best))
+            for note in (*unsafe_notes(best), *sea_notes(best)):
+                yield note.about(case.name)
 
 
 def left_out_canals(result: RunResult) -> Iterator[Note]:

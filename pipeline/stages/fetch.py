@@ -126,7 +126,12 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     if scenario.limits is None or scenario.region is None:
         return fetched
     weather = {season.name: season_weather(scenario, season) for season in scenario.seasons}
-    keys = [key for season in scenario.seasons for key in weather_keys(scenario, season)]
+    # All that is made in a current is made in its weather.
+    limits, current_keys = scenario.weather_limits.model_dump(), dict[str, str]()
+    for season in scenario.seasons:
+        if key := fetched.current_keys.get(season.name):
+            made_from = key, limits, weather_keys(scenario, season)
+            current_keys[season.name] = artefact_key("weather", *made_from)
     notes = {
         name: [note for grid in grids.values() for note in grid.notes]
         for name, grids in weather.items()
@@ -134,7 +139,7 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     return replace(
         fetched,
         weather=weather,
-        weather_keys=tuple(keys),
+        current_keys=current_keys,
         notes=(*fetched.notes, *of_cases(notes)),
     )
 
@@ -151,15 +156,10 @@ def season_weather(scenario: Scenario, season: Season) -> dict[str, CurrentGrid]
 
 def weather_keys(scenario: Scenario, season: Season) -> list[object]:
     """Return what the wind and waves of a season depend on."""
-    if scenario.limits is None:
-        return []
     from pipeline.sources.weather import weather_files
 
-    clock, files = (
-        on_clock(season, scenario),
-        weather_files(scenario.limits, scenario.weather_limits),
-    )
-    return [source.identity(clock) for _, source in files]
+    files = weather_files(scenario.limits, scenario.weather_limits) if scenario.limits else ()
+    return [source.identity(on_clock(season, scenario)) for _, source in files]
 
 
 def on_clock(season: Season, scenario: Scenario) -> Season:

@@ -23,7 +23,7 @@ from pipeline.model import Case, CaseResult, CurrentGrid, Land, Note
 from pipeline.model.inputs import LimitedField
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.model import Scenario
-from renew.inputs.openings import Opening, OverLimit
+from renew.inputs.openings import OverLimit
 
 # Largest number of cells along either axis: cells of a finer field are joined, and a joined cell is
 # shut while one of them is. It limits the number of areas to what a plan can look at.
@@ -57,10 +57,11 @@ def limited_fields(
     blows to is strong enough, and 0 elsewhere.
     """
     found = []
-    for key, grid in grids.items():
+    for key in (name for name in _NAMES if name in grids):
+        grid = grids[key]
         limit, against = getattr(limits, key), limits.wind_against_current
         if key == "wind_against_current" and against is not None:
-            grid = _against(grid, against.current_m_s, flow)  # noqa: PLW2901 - the part that counts
+            grid = _against(grid, against.current_m_s, flow)
             # At its limit it is over it.
             limit = float(np.nextafter(against.wind_m_s, 0.0))
         size = np.hypot(grid.u, grid.v)
@@ -182,10 +183,10 @@ def limit_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) 
     if scenario.limits is None and scenario.vessel.limits is not None:
         yield Note.of("limits-unchecked", vessel=scenario.vessel.label or "the vessel")
     for case, result in planned:
-        met = [] if result.plan is None else result.plan.shut
+        met = () if result.plan is None else result.plan.shut
+        known = [one for one in met if isinstance(one, OverLimit) and math.isfinite(one.most)]
         for field in case.weather:
-            own = _of(met, field)
-            if own:
+            if own := [one for one in known if one.name == field.name]:
                 yield Note.of(
                     "over-limit",
                     name=field.name,
@@ -195,9 +196,3 @@ def limit_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) 
                     begin=case.moment(min(area.begin for area in own)),
                     until=case.moment(max(area.end for area in own)),
                 ).about(case.name)
-
-
-def _of(areas: Sequence[Opening], field: LimitedField) -> list[OverLimit]:
-    """Return the areas that a field shuts, as far as it is known."""
-    own = [one for one in areas if isinstance(one, OverLimit) and one.name == field.name]
-    return [one for one in own if math.isfinite(one.most)]

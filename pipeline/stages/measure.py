@@ -220,7 +220,7 @@ class _RouteEvaluator:
         return renew.adrift(
             route,
             self._case.chart,
-            self._case.current if current is None else current,
+            self._case.adrift_in(self._case.current if current is None else current),
             land=self._land.tolist(),
             horizon=min(ADRIFT_S / self._projection.scale, horizon),
             lateness=self._options.lateness,

@@ -88,14 +88,7 @@ def projected(
         return tuple(replace(case, before=before) for case in made)
 
     speeds = [SpeedChoice.of(season) for season in scenario.seasons]
-    inputs: tuple[object, ...] = (
-        land.key,
-        dict(fetched.current_keys),
-        scene_inputs(scenario),
-        speeds,
-    )
-    if fetched.weather:
-        inputs = *inputs, scenario.weather_limits.model_dump(), fetched.weather_keys
+    inputs = land.key, dict(fetched.current_keys), scene_inputs(scenario), speeds
     return store.artefact("project", tuple, inputs, make)
 
 
@@ -146,6 +139,11 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
             current = planar_current(grid, water.projection, water.chart.bounds)
         grids_of = fetched.weather.get(season.name, {})
         weather = limited_fields(grids_of, scenario.weather_limits, flow_of(water, current))
+        leeway = None
+        if wind := grids_of.get("leeway"):
+            share = scenario.weather_limits.leeway or 0.0
+            carried = replace(wind, u=share * wind.u, v=share * wind.v)
+            leeway = planar_current(carried, water.projection, water.chart.bounds)
         vessel = planner_vessel(scenario.vessel_in(season))
         depends_on_date = season.is_changing or season.speed is not None or has_hours
         cases.append(
@@ -164,6 +162,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                     *over_limits(weather, water.projection, water.chart.extent),
                 ),
                 weather=weather,
+                leeway=leeway,
                 anchorage=anchorage(scenario.weather_limits, fetched.land, water.projection),
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,

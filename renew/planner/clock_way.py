@@ -104,11 +104,8 @@ class TimedWay(NamedTuple):
         begin, _ = voyage.early_and_late(np.interp(place, along, self.arrive))
         _, end = voyage.early_and_late(np.interp(place, along, self.leave))
         end = end + voyage.vessel.turn_period
-        return frozenset(
-            area
-            for area, first, last in zip(areas, begin[:, None], end[:, None], strict=True)
-            if area.is_shut(first, last)[0]
-        )
+        hours = zip(areas, begin.tolist(), end.tolist(), strict=True)
+        return frozenset(area for area, *each in hours if area.is_shut_within(*each))
 
 
 def clock_way(

@@ -54,8 +54,8 @@ _T = TypeVar("_T")
 
 # Distance between the points at which a path is tested, in v/ω.
 _SPACING = 0.5
-# Largest number of these points.
-_MAX_POINTS = 20_000
+# Largest number of these points, and number of legs between them in a longer piece.
+_MAX_POINTS, _PIECE = 20_000, 64
 
 # Number of shut areas that an error names: with official levels each has its own hours.
 _MOST_NAMED = 3
@@ -140,8 +140,8 @@ def check_start_open(request: Request, departure: float, longest: float = 0.0) -
     stays = request.options.min_lateness + request.vessel.turn_period
     polygons = np.array([area.polygon for area in request.areas], dtype=object)
     around = np.flatnonzero(shapely.intersects_xy(polygons, *place)).tolist()
-    hours = (request.areas[at].hours(departure, departure + _HORIZON).tolist() for at in around)
-    spells = [(*own, at) for at, each in zip(around, hours, strict=True) for own in each]
+    span = departure, departure + _HORIZON
+    spells = ((*own, at) for at in around for own in request.areas[at].hours(*span).tolist())
     for begin, end, at in sorted(spells):
         if begin < opens + stays and end > opens:
             opens = end
@@ -168,8 +168,8 @@ def meetings(
         early, late = voyage.early_and_late(passed)
         begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
         # Most of many areas, such as the cells of a wind, are open all the way.
-        all_way = np.array([begin.min()]), np.array([end.max()])
-        shut = [area for area in areas if area.is_shut(*all_way)[0]]
+        all_way = float(begin.min()), float(end.max())
+        shut = [area for area in areas if area.is_shut_within(*all_way)]
         leg, which = _near(points, shut, planner)
         for at in np.unique(which).tolist():
             near = np.sort(leg[which == at])
@@ -197,13 +197,22 @@ def _near(
     points: FloatArray, areas: Sequence[Opening], planner: ClassPlanner
 ) -> tuple[IntArray, IntArray]:
     """Return the legs between points (n, 2), m, from which a turn may reach an area, with these."""
+    if not areas:
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     far = np.full(len(points), planner.options.min_width)
     if planner.options.is_adaptive:
         far = planner.problem.reach(points)
     tree = shapely.STRtree([area.polygon for area in areas])
-    legs = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
-    leg, which = tree.query(legs, predicate="dwithin", distance=np.maximum(far[:-1], far[1:]))
-    return leg, which
+    # Most long pieces are far from all areas, so that their legs are, too.
+    pieces = np.arange(0, len(points) - 1, _PIECE)[:, None] + np.arange(_PIECE + 1)
+    pieces = np.minimum(pieces, len(points) - 1)
+    lines, reach = shapely.linestrings(points[pieces]), far[pieces].max(axis=1)
+    near = np.unique(tree.query(lines, predicate="dwithin", distance=reach)[0])
+    leg = np.unique(np.minimum(pieces[near, :-1], len(points) - 2))
+    legs = shapely.linestrings(np.stack([points[leg], points[leg + 1]], axis=1))
+    reach = np.maximum(far[leg], far[leg + 1])
+    at, which = tree.query(legs, predicate="dwithin", distance=reach)
+    return leg[at], which
 
 
 def first_clear(
@@ -244,6 +253,17 @@ def shut_on_the_way(
     return frozenset() if way is None else way.passing(request.areas, planner.problem.voyage)
 
 
+def is_hindered(request: Request) -> bool:
+    """Whether the best route, as if all areas were open, meets one of them while it is shut."""
+    if "hindered" not in request.planners:
+        planner = planner_of(request)
+        check_current_at_endpoints(planner.problem.voyage)
+        routes = plan_classes(planner, 1).routes if request.areas else ()
+        met = bool(routes) and bool(meetings(routes[0], request.areas, planner))
+        request.planners["hindered"] = met
+    return bool(request.planners["hindered"])
+
+
 def _plan_past_weather(request: Request) -> Plan | None:
     """Return a plan past wind and waves over a limit, without a wait; None if none is found so.
 
@@ -253,19 +273,31 @@ def _plan_past_weather(request: Request) -> Plan | None:
     if not any(isinstance(area, OverLimit) for area in request.areas):
         return None
     planner = planner_of(request)
-    check_current_at_endpoints(planner.problem.voyage)
+    if is_hindered(request):
+        way = clock_way(planner, request.areas, 0.0)
+        beside = None if way is None else plan_beside(request, way, np.zeros(1))
+        if beside is not None:
+            return _with_other_classes(beside, request)
     plan = plan_classes(planner, planner.options.classes)
-    if not plan.routes:
-        return None
     kept, met = without_meeting(plan, request.areas, planner)
-    if not met:
-        return kept
-    way = clock_way(planner, request.areas, 0.0)
-    beside = None if way is None else plan_beside(request, way, np.zeros(1))
-    if not kept.routes or (beside is not None and beside.best.fuel < kept.best.fuel):
-        return beside
-    cheaper = (area for area in request.areas if met.get(area, math.inf) < kept.best.fuel)
-    return replace(kept, shut=tuple(cheaper))
+    if kept.routes:
+        cheaper = (area for area in request.areas if met.get(area, math.inf) < kept.best.fuel)
+        return replace(kept, shut=tuple(cheaper))
+    if met:
+        raise unavoidable(tuple(met), request.departure, None)
+    return None
+
+
+def _with_other_classes(beside: Plan, request: Request) -> Plan:
+    """Return a plan with the routes of all classes around the areas that are closed in it."""
+    closed, each = frozenset(beside.shut), dict[str, Route]()
+    planner = planner_of(request, closed)
+    others = [area for area in request.areas if area not in closed]
+    kept, _ = without_meeting(plan_classes(planner, planner.options.classes), others, planner)
+    best = replace(beside.best, fuel_bound=(kept if kept.routes else beside).best.fuel_bound)
+    for route in sorted((best, *kept.routes), key=lambda one: one.fuel):
+        each.setdefault(route.homotopy, route)
+    return replace(kept, routes=tuple(each.values()), chosen=0, shut=beside.shut)
 
 
 # Largest number of plans beside a way: each closes what the one before met, or what is shut beside
@@ -306,7 +338,7 @@ def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | N
         tried.add(closed)
         try:
             planner = planner_of(request, closed)
-            plan = plan_classes(planner, planner.options.classes)
+            plan = plan_classes(planner, 1)
         except PlanningError:
             break
         if not plan.routes:
@@ -317,7 +349,7 @@ def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | N
         if later is not None and later > 0 and plan.best.times[-1] + later < latest:
             leaving = planner.problem.leaving(planner.problem.voyage.departure + later)
             at = planner.for_problem(leaving)
-            delayed, _ = without_meeting(plan_classes(at, planner.options.classes), others, at)
+            delayed, _ = without_meeting(plan_classes(at, 1), others, at)
             best = _earlier(best, delayed, closed, request)
         kept, met = without_meeting(plan, others, planner)
         best = _earlier(best, kept, closed, request)

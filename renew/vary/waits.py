@@ -19,9 +19,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
-from renew.errors import PlanningError, UnreachableError
 from renew.planner.clock_way import TimedWay, clock_way, waiting_early
-from renew.planner.plan import check_start_open, plan_beside, plan_request, planner_of
+from renew.planner.plan import check_start_open, is_hindered, plan_beside, plan_request, planner_of
 from renew.request import Request
 from renew.results import Plan
 
@@ -95,31 +94,19 @@ def plan_waiting(
     PlanningError
         That of the plan without a wait, if waiting leads to no way either.
     """
-    failure: PlanningError | None = None
-    plain: WaitingPlan | None = None
     check_start_open(request, request.departure, longest)
-    try:
-        plain = WaitingPlan((plan_request(request),), ())
-    except UnreachableError as error:
-        failure = error
-    if plain is not None and not plain.parts[0].shut:
-        return plain
-    way = clock_way(planner_of(request), request.areas, longest, anchorage)
-    found: WaitingPlan | None = None
-    if way is not None:
-        early = waiting_early(way, planner_of(request).problem.voyage)
+    found, way, planner = None, None, planner_of(request)
+    if is_hindered(request):
+        way = clock_way(planner, request.areas, longest, anchorage)
+    if way is not None and len(way.waits):
+        early = waiting_early(way, planner.problem.voyage)
         found = _along(request, early, tick, anchorage)
         if found is None or found.arrival > way.arrive[-1] + _WORTH:
             # Waits in more places keep closer to the hours of the way.
             other = _along(request, way, tick, anchorage)
             if other is not None and (found is None or other.arrival < found.arrival - _WORTH):
                 found = other
-    if found is None or (plain is not None and plain.arrival <= found.arrival):
-        if plain is None and failure is not None:
-            raise failure
-        found = plain
-    assert found is not None  # noqa: S101 - one of the two is there
-    return found
+    return WaitingPlan((plan_request(request),), ()) if found is None else found
 
 
 def _along(
@@ -130,7 +117,8 @@ def _along(
     at, now = 0, request.departure
     stops = [int(one) for one in way.waits if one > 0][: _MOST_PARTS - 1]
     for last in [*stops, len(way.points) - 1]:
-        passed = [via for via in request.stops[1:-1] if _is_passed(via, way.points[at + 1 : last])]
+        between = way.points[at + 1 : last]
+        passed = [via for via in request.stops[1:-1] if (between == via).all(axis=1).any()]
         asked = replace(request, stops=np.stack([way.points[at], *passed, way.points[last]]))
         leave = max(now, float(way.leave[at]))
         if leave > request.departure:
@@ -146,11 +134,6 @@ def _along(
         parts.append(plan)
         at, now = last, float(plan.best.times[-1])
     return WaitingPlan(tuple(parts), tuple(waits))
-
-
-def _is_passed(point: FloatArray, points: FloatArray) -> bool:
-    """Whether a point (2,) is one of some (n, 2)."""
-    return bool((points == point).all(axis=1).any())
 
 
 def _with_fuel(request: Request, wait: Wait) -> Wait:

@@ -57,7 +57,9 @@ def test_a_departure_into_waves_fails_and_a_later_one_is_planned(
     _run(file, cluster)
     early, late = rows(tmp_path / "out")
     assert early["status"] == "failed"
-    assert "the start 118.4°E 10.2°N lies in water with waves of up to 2.0 m" in early["reason"]
+    assert (
+        "the start 118.4000 E 10.2000 N lies in water with waves of up to 2.0 m" in early["reason"]
+    )
     assert "2026-11-21 09:00 UTC" in early["reason"]
     assert late["status"] == "planned"
     assert late["leaves"] - early["leaves"] == timedelta(hours=6)
