@@ -90,9 +90,8 @@ class RequestError(PipelineError):
 
     Parameters
     ----------
-    faults
-        One or several texts; each has the value, the limit and the remedy. Faults that are equal
-        except for their place are reported once.
+    faults : one or several texts; each has the value, the limit and the remedy. Faults that are
+        equal except for their place are reported once.
     """
 
     exit_code = 2
@@ -107,7 +106,7 @@ class RequestError(PipelineError):
 
 
 class Faults:
-    """The faults of all parts of a request, which are reported together."""
+    """The faults of all parts of a request, or of the work after a plan, reported together."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -119,13 +118,6 @@ class Faults:
         except RequestError as error:
             self.lines += error.faults
             return None
-
-
-class LateFaults:
-    """Unexpected errors after the plan, one line each; what was found before them is written."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
 
     @contextlib.contextmanager
     def kept(self, what: str) -> Iterator[None]:

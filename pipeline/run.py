@@ -9,13 +9,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from pipeline._types import FloatArray
-from pipeline.errors import (
-    LateFaults,
-    NoWayError,
-    PipelineError,
-    RequestError,
-    StageError,
-)
+from pipeline.errors import Faults, NoWayError, PipelineError, RequestError, StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
 from pipeline.findings.text import clearance, environment, fuel, season_name, season_text
@@ -269,7 +263,7 @@ class _Stages:
     on_result: Callable[[RunResult], None] = ignore
     read: tuple[Note, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
-    late: LateFaults = field(default_factory=LateFaults)
+    late: Faults = field(default_factory=Faults)
 
     def result(self, asked: Scenario) -> Artefact[RunResult]:
         """Run all stages except "write", in the scenario's region or in a chosen one."""

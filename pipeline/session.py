@@ -56,14 +56,9 @@ def session(name: str, output: Path, origin: ScenarioFile | None = None) -> Iter
     """Hold the locks of the scenario `name` in an output folder during the `with` block.
 
     Before, unfinished files of killed runs of the scenario are removed. Afterwards the store is
-    pruned if it is too large and no other run uses it.
-
-    Raises
-    ------
-    RequestError
-        `output` can't be a folder, or has results of another scenario file with this name.
-    StageError
-        Another run of the scenario is writing, or nothing can be written.
+    pruned if it is too large and no other run uses it. Raises RequestError if `output` can't be a
+    folder, or has results of another scenario file with this name; StageError if another run of the
+    scenario is writing, or nothing can be written.
     """
     output = folder_to_write(output, "--output")
     root, is_new = output / _ARTEFACTS, not output.exists()
@@ -84,12 +79,7 @@ def session(name: str, output: Path, origin: ScenarioFile | None = None) -> Iter
 def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -> Freed:
     """Prune the store of an output folder; see `pipeline.machine.store.prune`.
 
-    Raises
-    ------
-    RequestError
-        The folder has no store.
-    StageError
-        A run is using the folder.
+    Raises RequestError if the folder has no store; StageError if a run is using the folder.
     """
     output = folder_to_write(output, "--output")
     root = output / _ARTEFACTS

@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from pipeline.errors import LateFaults, StageError
+from pipeline.errors import Faults, StageError
 from pipeline.findings.names import MANIFEST
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.machine.files import replacing
@@ -39,33 +39,21 @@ def write(
     result: RunResult,
     directory: Path,
     on_file: Callable[[str], None] | None = None,
-    late: LateFaults | None = None,
+    late: Faults | None = None,
 ) -> tuple[Path, ...]:
     """Write all output files of a run into `directory`, which is created if needed.
 
     A file that is in an earlier run's manifest and is not written by this run is removed, so that
-    nobody sails an outdated route.
+    nobody sails an outdated route. Returns the files, the manifest last. Raises StageError if the
+    files can't be written; earlier files are unchanged. The message has the remedy.
 
     Parameters
     ----------
-    result
-        The planned and evaluated run.
-    directory
-        The run's own folder; see `output_directory`.
-    on_file
-        Called before each file is written, with its name and number: "report.html (3 of 12)".
-    late
-        Takes the unexpected errors of single files, which are left out; by default they are raised.
-
-    Returns
-    -------
-    tuple of Path
-        The files, the manifest last.
-
-    Raises
-    ------
-    StageError
-        The files can't be written; earlier files are unchanged. The message has the remedy.
+    result : the planned and evaluated run.
+    directory : the run's own folder; see `output_directory`.
+    on_file : called before each file is written, with its name and number: "report.html (3 of 12)".
+    late : takes the unexpected errors of single files, which are left out; by default they are
+        raised.
     """
     from pipeline.formats.records import write_manifest
 
@@ -152,9 +140,9 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
     from pipeline.formats.passage import missions, routes
 
     timed, stem = {"departure": case.spec.departure}, case.stem
-    sides = [one.metrics.main_passage for one in case.routes]
+    sides = [one.metrics.main_passage for one in case.followed]
     others: dict[str, Format] = {}
-    if len(sides) > min(2, len(set(sides))):  # else the other file has every route
+    if len(sides) > min(2, len(set(sides))):  # else the other file has all of them
         others = {f"{stem}-all.gpx": _of(routes.write_gpx, case, every=True, **timed)}
     return others | {
         f"{stem}.rtz": _of(routes.write_rtz, case, **timed),

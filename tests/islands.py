@@ -56,7 +56,7 @@ def rows(land: shapely.STRtree) -> list[dict[str, str]]:
     """Return the catalogue's rows with the known islands, the largest first."""
     with KNOWN.open(encoding="utf-8", newline="") as file:
         known = list(csv.DictReader(file))
-    with catalogue.islands().open(encoding="utf-8", newline="") as file:
+    with (catalogue.root() / "islands.csv").open(encoding="utf-8", newline="") as file:
         kept = list(csv.DictReader(file))
     faults = []
     for one in known:
@@ -85,7 +85,7 @@ def rows(land: shapely.STRtree) -> list[dict[str, str]]:
 def main() -> None:
     """Write the catalogue's islands."""
     table = rows(shapely.STRtree(world()))
-    with catalogue.islands().open("w", encoding="utf-8", newline="") as file:
+    with (catalogue.root() / "islands.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(table)

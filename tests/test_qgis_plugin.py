@@ -7,10 +7,13 @@ import os
 import shutil
 import sys
 import time
+import tomllib
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import geopandas
+import gpxpy.gpx
 import numpy as np
 import pandas as pd
 import pyproj
@@ -20,8 +23,10 @@ import shapely
 from pipeline.sources.current_field import Field
 from tests.bench.figure import recorded
 from tests.commands import ended, ran
+from tests.conftest import ROOT
 from tests.pipeline.sources.cf.grib_files import write_grib
 from tests.pipeline.synthetic_currents import dataset, sea
+from tests.true_scale import GEOD
 
 pytestmark = pytest.mark.slow
 
@@ -172,6 +177,57 @@ def test_the_best_departure_is_chosen_around_land_of_the_users_own(
     departures = pd.read_csv(Path(found["OUTPUT"]) / "departures.csv")
     assert len(departures) > 1
     assert departures.fuel.min() == pytest.approx(found["FUEL"], rel=1e-3)
+
+
+def test_a_route_of_a_file_is_checked(home: dict[str, str], tmp_path: Path) -> None:
+    """With a vessel of the user's own; it leaves when the file says."""
+    left = datetime(2026, 7, 1, 6, tzinfo=UTC)
+    places = [(9.98, 119.95), (9.99, 120.05), (9.97, 120.15)]
+    route = gpxpy.gpx.GPXRoute(name="mine")
+    route.points = [gpxpy.gpx.GPXRoutePoint(*place, name=f"P{place[1]:g}") for place in places]
+    route.points[0].time = left
+    gpx = gpxpy.gpx.GPX()
+    gpx.routes.append(route)
+    (tmp_path / "mine.gpx").write_text(gpx.to_xml())
+    (tmp_path / "mine.toml").write_text((ROOT / "catalog/vessels/blueboat.toml").read_text())
+    results = {"PLACES": tmp_path / "places.gpkg", "OUTPUT": tmp_path / "out"}
+    given = {"FILE": tmp_path / "mine.gpx", "VESSEL_FILE": tmp_path / "mine.toml"}
+    found = planned(home, "check", **given, CURRENTS="still", **results)
+    assert "error" not in found, found
+    rows = geopandas.read_file(tmp_path / "places.gpkg")
+    points = rows[rows.what == "point"]
+    assert points["name"].tolist() == ["P119.95", "P120.05", "P120.15"]
+    at = np.array(places)
+    length = GEOD.line_length(at[:, 1], at[:, 0])
+    assert found["LENGTH_M"] == pytest.approx(length, rel=1e-5)
+    speed = tomllib.loads((tmp_path / "mine.toml").read_text())["speed_m_s"]
+    assert found["DURATION_S"] == pytest.approx(length / speed, rel=1e-5)
+    passed = pd.to_datetime(points.passed_at, utc=True)
+    assert passed.iloc[0] == points.stated.dt.tz_localize(UTC).iloc[0] == left
+    took = (passed.iloc[-1] - left).total_seconds()
+    assert took == pytest.approx(found["DURATION_S"], abs=1.0)
+    assert "least-fuel route" in found["SAID"]
+
+
+def test_a_line_of_a_layer_in_another_crs_is_checked(home: dict[str, str], tmp_path: Path) -> None:
+    """Across land of the user's own, where it is told and marked."""
+    land = shapely.box(120.04, 9.93, 120.06, 10.0)
+    line = shapely.LineString([(119.95, 9.97), (120.15, 9.97)])
+    for name, shape in (("land", land), ("line", line)):
+        layer = geopandas.GeoDataFrame(geometry=[shape], crs=4326)
+        layer.to_crs(32651).to_file(tmp_path / f"{name}.gpkg")
+    given = {"LINE": tmp_path / "line.gpkg", "LAND": tmp_path / "land.gpkg"}
+    results = {"PLACES": tmp_path / "places.gpkg", "OUTPUT": tmp_path / "out"}
+    found = planned(home, "check", **given, VESSEL="usv-7m", CURRENTS="still", **results)
+    assert "OVER LAND: 2.19 km" in found["SAID"]
+    rows = geopandas.read_file(tmp_path / "places.gpkg").set_index("what")
+    across = GEOD.geometry_length(line.intersection(land))
+    assert rows.loc["crosses", "length_m"] == pytest.approx(across, rel=1e-4)
+    assert rows.loc["crosses", "geometry"].coords[0] == pytest.approx((120.05, 9.97), abs=1e-4)
+    turns = rows.loc[["a turn meets land"]].geometry
+    assert 1 < len(turns) < 100
+    assert turns.within(land.buffer(0.01)).all()
+    assert "Give a route" in planned(home, "check", CURRENTS="still", **results)["error"]
 
 
 def test_what_the_program_refuses_is_the_algorithms_error(

@@ -10,6 +10,7 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import DEAR, RankedRoute, RunCase
 from pipeline.findings.sentences import case_facts
 from pipeline.model import Note
+from pipeline.model.inputs import KINDS
 from pipeline.run import Outcome
 
 # Difference of fuel from still water, as a share, below which it counts as none.
@@ -17,24 +18,9 @@ _AS_IN_STILL = 5e-3
 # If the longest route is shorter than this, lengths are in metres, not kilometres.
 _SHORT_M = 10_000.0
 _NAUTICAL_MILE_M = 1852.0
-# Kinds of choices that answer a question of the user; the others stand with `--verbose`.
-_ANSWERS = frozenset(
-    {"departure-chosen", "departure-in-mean", "speeds-chosen", "how-sure", "replanned"}
+_ANSWERS, _PLAIN, _USED, _OWN_LINE = (
+    frozenset(KINDS[group]) for group in ("answers", "plain", "used", "own_line")
 )
-# Kinds of notes that only say how the plan was made: they stand with `--verbose`, as choices.
-_PLAIN = frozenset(
-    {
-        *("chart-no-go", "current-changes", "current-lacking", "currents-end", "departures-asked"),
-        *("departures-planned", "departures-refined", "depths-no-go", "land-not-cached"),
-        *("levels-relied-on", "margin-raised", "offing-chosen", "region-chosen", "region-opened"),
-        *("region-widened", "room-kept", "source-passed-over", "steps-are-means"),
-        *("streams-on-residual", "tidal-streams", "tide-relied-on", "unit-converted"),
-    }
-)
-# Kinds of notes on which current a case was planned.
-_USED = frozenset({"current-stands-in", "current-used"})
-# Kinds of notes for which there is a line of their own among the doubts.
-_TOLD = _USED | {"current-unknown", "energy-short", "narrow-stretch", "second-shoreline"}
 _LEAVE = re.compile(r"^Leave at [^:]+:\d\d(:\d\d)? UTC: ")
 _SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 # Where a doubt may end on its line: before what follows.
@@ -136,7 +122,7 @@ def _sides(outcome: Outcome, width: int | None) -> list[str]:
             if row.main_passage in seen:
                 continue
             seen.add(row.main_passage)
-            if row.fuel > (1 + DEAR) * case.routes[0].metrics.fuel:
+            if case.is_dear(row):
                 dear += 1
             else:
                 rows.append(_row(ranked, unit))
@@ -189,7 +175,7 @@ def _doubts(outcome: Outcome) -> Iterator[str]:
     if crossed and 1 not in over:
         routes = f"route{'s' * (len(over) > 1)} {', '.join(map(str, sorted(over)))}"
         yield f"{routes}: over land of another shoreline (places: --verbose)"
-    told = {*_ANSWERS, *_PLAIN, *_TOLD, *["still-water"] * bool(lacking)}
+    told = {*_ANSWERS, *_PLAIN, *_USED, *_OWN_LINE, *["still-water"] * bool(lacking)}
     every = dict.fromkeys((*result.decisions, *result.unknowns, *result.fetched.notes))
     yield from note_texts(note for note in every if note.kind not in told)
 

@@ -13,8 +13,7 @@ from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_texts, note_value
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.text import json_value
-from pipeline.voyage.check import CheckedRoute
-from pipeline.voyage.check_words import checked_lines
+from pipeline.voyage.check import CheckedRoute, checked_lines
 from pipeline.voyage.route_file import GivenRoute
 
 # Number of points of a route of which a table shows the times; a line's points are only its shape.
@@ -81,6 +80,7 @@ def _json(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> d
 
     return {
         "season": one.given.season,
+        "said": [*checked_lines(one, route)],
         **figures(one.given.metrics, "json"),
         "duration_s": float(one.passed_s[-1]),
         "crosses": [

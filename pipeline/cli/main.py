@@ -38,7 +38,7 @@ from pipeline.errors import Faults, RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 from pipeline.texts import seen
-from pipeline.voyage.positions import EXAMPLES, halves
+from pipeline.voyage.positions import halves
 from pipeline.voyage.request import UnderWayRequest, VoyageRequest, read_voyage
 from pipeline.voyage.table import read
 
@@ -94,39 +94,24 @@ def root(
     del version
 
 
-# Smallest allowed time limit of a season or a plan, s: starting its process takes about as long.
-_MIN_LIMIT_S = 1.0
-# Largest number of a port.
-_MAX_PORT = 65_535
-# Least memory with which anything can be planned, GB.
-_MIN_MEMORY_GB = 0.5
 _GB = 1_000_000_000
-# Largest number of workers of a server: it has two processes for each.
-_MAX_WORKERS = 64
 
 
-@app.command(cls=options.Command)
+@options.command(app, "run")
 def run(
-    scenario: options.Scenario,
+    scenario: str,
     *,
-    output: options.Output = Path("outputs"),
-    offline: options.Offline = False,
-    charts: options.Charts = None,
-    currents: options.Currents = None,
-    strict: options.Strict = False,
-    explain_gap: options.ExplainGap = False,
-    as_json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
-    limit: Annotated[
-        float | None,
-        typer.Option(
-            min=_MIN_LIMIT_S,
-            metavar="SECONDS",
-            help="Time limit of a season; one that takes longer fails, and the others are written.",
-        ),
-    ] = None,
-    scheduler: options.Scheduler = None,
+    output: Path = Path("outputs"),
+    offline: bool = False,
+    charts: list[str] | None = None,
+    currents: list[str] | None = None,
+    strict: bool = False,
+    explain_gap: bool = False,
+    as_json: bool = False,
+    quiet: bool = False,
+    verbose: bool = False,
+    limit: float | None = None,
+    scheduler: str | None = None,
 ) -> None:
     """Plan a scenario's routes and write them to OUTPUT/<scenario>/."""
     with reported_errors(), _loaded(scenario, output, charts, currents) as (wanted, origin, notes):
@@ -146,16 +131,14 @@ def run(
         run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet, verbose=verbose)
 
 
-@app.command(cls=options.Command)
+@options.command(app, "go")
 @options.with_options(VoyageRequest, without=("start", "goal"))
 def go(
-    positions: Annotated[
-        list[str], typer.Argument(metavar="START GOAL", help=f"Two positions: {EXAMPLES}.")
-    ],
+    positions: list[str],
     *,
-    as_json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
+    as_json: bool = False,
+    quiet: bool = False,
+    verbose: bool = False,
     **given: Any,  # noqa: ANN401 - the options of a voyage
 ) -> None:
     """Plan a voyage from START to GOAL; region, chart and currents are chosen and reported.
@@ -181,13 +164,13 @@ _OF_A_PLAN = (
 )  # fmt: skip
 
 
-@app.command("check-route", cls=options.Command)
+@options.command(app, "check-route")
 @options.with_options(VoyageRequest, without=_OF_A_PLAN)
 def check_route(
-    file: Annotated[Path, typer.Argument(help="A route in GPX, RTZ or GeoJSON; its first route.")],
+    file: Path,
     *,
-    as_json: options.Json = False,
-    quiet: options.Quiet = False,
+    as_json: bool = False,
+    quiet: bool = False,
     **given: Any,  # noqa: ANN401 - the options of a voyage
 ) -> None:
     """Say what a route of yours costs in fuel and time, and whether it is safe.
@@ -214,31 +197,16 @@ def check_route(
         print_check(run, found, route, request.depart, as_json=as_json)
 
 
-@app.command(cls=options.Command)
+@options.command(app, "serve")
 def serve(
     *,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=_MAX_PORT,
-            help="Port of 127.0.0.1; 0 for any that is free. Left out, 8137 or any that is free.",
-        ),
-    ] = None,
-    opens: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
-    output: options.Output = Path("outputs"),
-    offline: options.Offline = False,
-    limit: Annotated[
-        float,
-        typer.Option(min=_MIN_LIMIT_S, metavar="SECONDS", help="Time limit of a plan."),
-    ] = 600.0,
-    memory: Annotated[
-        float,
-        typer.Option(min=_MIN_MEMORY_GB, metavar="GB", help="Memory limit of a plan's process."),
-    ] = 4.0,
-    workers: Annotated[
-        int, typer.Option(min=1, max=_MAX_WORKERS, help="Number of plans at a time.")
-    ] = 1,
+    port: int | None = None,
+    opens: bool = False,
+    output: Path = Path("outputs"),
+    offline: bool = False,
+    limit: float = 600.0,
+    memory: float = 4.0,
+    workers: int = 1,
 ) -> None:
     """Serve a page on this machine where voyages are planned on a map; needs the extra `web`.
 
@@ -275,13 +243,13 @@ def serve(
         serve_page(plans, port, on_ready=tell)
 
 
-@app.command(cls=options.Command)
+@options.command(app, "replan")
 @options.with_options(UnderWayRequest)
 def replan(
     *,
-    as_json: options.Json = False,
-    quiet: options.Quiet = False,
-    verbose: options.Verbose = False,
+    as_json: bool = False,
+    quiet: bool = False,
+    verbose: bool = False,
     **given: Any,  # noqa: ANN401 - the options of a voyage under way
 ) -> None:
     """Plan the rest of a voyage again from where the vessel is, in a folder beside RESULTS.
@@ -311,26 +279,18 @@ app.add_typer(tide_app, name="tide")
 app.add_typer(upkeep.qgis_app, name="qgis")
 
 
-@app.command(cls=options.Command)
+@options.command(app, "plot")
 def plot(
-    scenario: options.Scenario,
+    scenario: str,
     *,
-    season: Annotated[
-        list[str] | None,
-        typer.Option(help="A season to draw; may be repeated. All seasons if left out."),
-    ] = None,
-    figure: Annotated[
-        list[Kind] | None,
-        typer.Option(help="What to draw; may be repeated. Both if left out."),
-    ] = None,
-    form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = "png",
-    width: Annotated[
-        Width, typer.Option(help="Width of a journal's column (3.3 in) or page (7 in), or screen.")
-    ] = "screen",
-    output: options.Output = Path("outputs"),
-    offline: options.Offline = False,
-    charts: options.Charts = None,
-    currents: options.Currents = None,
+    season: list[str] | None = None,
+    figure: list[Kind] | None = None,
+    form: Form = "png",
+    width: Width = "screen",
+    output: Path = Path("outputs"),
+    offline: bool = False,
+    charts: list[str] | None = None,
+    currents: list[str] | None = None,
 ) -> None:
     """Draw a scenario's figures to OUTPUT/<scenario>/figures/.
 
@@ -370,8 +330,8 @@ def plot(
         raise typer.Exit(0 if planned == cases else 1)
 
 
-@app.command("list", cls=options.Command)
-def list_entries(*, as_json: options.JsonOnly = False) -> None:
+@options.command(app, "list")
+def list_entries(*, as_json: bool = False) -> None:
     """List the catalogue: scenarios and what they need, vessels, sources, stations of the tide."""
     with reported_errors():
         from pipeline.scenario import catalogue
@@ -388,10 +348,8 @@ def list_entries(*, as_json: options.JsonOnly = False) -> None:
                 typer.echo(f"  {entry['name']:<{width}}{entry['title']}{needs}")
 
 
-@app.command(cls=options.Command)
-def show(
-    name: Annotated[str, typer.Argument(help="An entry of the catalogue, or a file.")],
-) -> None:
+@options.command(app, "show")
+def show(name: str) -> None:
     """Print an entry of the catalogue as TOML, for example as a template for a new one."""
     with reported_errors():
         from pipeline.scenario import catalogue
@@ -401,8 +359,8 @@ def show(
         typer.echo(seen(path.read_text(encoding="utf-8")), nl=False)
 
 
-@app.command(cls=options.Command)
-def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")]) -> None:
+@options.command(app, "check")
+def check(file: str) -> None:
     """List all faults of a scenario's file and of the files that it names; check start and goal."""
     with reported_errors(), still_at_work():
         from pipeline.scenario.loading import load_scenario
@@ -419,20 +377,13 @@ def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its na
         typer.echo(f"{scenario.name}: valid ({seasons}; {named}; 1:{scenario.scale:g})")
 
 
-@app.command(cls=options.Command)
+@options.command(app, "clean")
 def clean(
     *,
-    output: options.Output = Path("outputs"),
-    older: Annotated[
-        str, typer.Option(help="Remove files that were not used for this long: 30d, 12h, 2w.")
-    ] = "30d",
-    everything: Annotated[
-        bool,
-        typer.Option("--all", help="Remove everything that can be computed or downloaded again."),
-    ] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="With --all, don't ask about the user's land cache.")
-    ] = False,
+    output: Path = Path("outputs"),
+    older: str = "30d",
+    everything: bool = False,
+    yes: bool = False,
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
     with reported_errors():
@@ -442,13 +393,8 @@ def clean(
         say(upkeep.freed(output, older=older, everything=everything))
 
 
-@app.command(cls=options.Command)
-def doctor(
-    *,
-    output: options.Output = Path("outputs"),
-    offline: options.Offline = False,
-    as_json: options.JsonOnly = False,
-) -> None:
+@options.command(app, "doctor")
+def doctor(*, output: Path = Path("outputs"), offline: bool = False, as_json: bool = False) -> None:
     """Check that this machine can run RENEW; exit code 1 if something would make a run fail."""
     with reported_errors(), still_at_work():
         findings = []
@@ -463,7 +409,7 @@ def doctor(
         raise typer.Exit(exit_code)
 
 
-@app.command(cls=options.Command)
+@options.command(app, "warm")
 def warm() -> None:
     """Compile the planner's code now, so that the first plan does not have to wait for it."""
     with reported_errors(), still_at_work():

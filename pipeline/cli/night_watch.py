@@ -80,10 +80,7 @@ def watched(
 ) -> NightOutcome:
     """Run a night and report it; if the report fails, there is only a note.
 
-    Raises
-    ------
-    RequestError
-        The address is not valid.
+    Raises RequestError if the address is not valid.
     """
     if url:
         check_url(url)
@@ -126,10 +123,8 @@ def _note(fault: str, on_event: NightEventHandler) -> None:
 def check_url(url: str) -> None:
     """Check that a text can be the address of a check at a monitoring service.
 
-    Raises
-    ------
-    RequestError
-        The address is not http or https, has no host, a bad port, a user name or bad characters.
+    Raises RequestError if the address is not http or https, has no host, a bad port, a user name or
+    bad characters.
     """
     try:
         parts = urlsplit(url)

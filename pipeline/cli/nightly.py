@@ -2,7 +2,6 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -17,30 +16,11 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-ConfigOption = Annotated[
-    Path | None,
-    typer.Option(
-        help="The night's TOML file; by default one that comes with RENEW and runs offline."
-    ),
-]
-NightOutputOption = Annotated[
-    Path | None,
-    typer.Option(help="Folder of all cycles, in place of the file's; outputs/nightly by default."),
-]
-OnlyOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CASE", help="A case's name, or its first parts: only matching cases are planned."
-    ),
-]
 
 
-@app.command(cls=options.Command)
+@options.command(app, "nightly check")
 def check(
-    *,
-    config: ConfigOption = None,
-    output: NightOutputOption = None,
-    only: OnlyOption = None,
+    *, config: Path | None = None, output: Path | None = None, only: str | None = None
 ) -> None:
     """List all faults of a night's file with their lines; write nothing."""
     with reported_errors(), still_at_work():
@@ -59,27 +39,15 @@ def check(
         )
 
 
-@app.command(cls=options.Command)
+@options.command(app, "nightly run")
 def run(
     *,
-    config: ConfigOption = None,
-    output: NightOutputOption = None,
-    only: OnlyOption = None,
-    scheduler: options.Scheduler = None,
-    metrics: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Prometheus text file to replace at the end."),
-    ] = None,
-    ping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="URL",
-            envvar="RENEW_PING",
-            show_envvar=False,
-            help="Address of a monitoring check: URL/start is requested, then URL or URL/fail. Or "
-            "set the variable RENEW_PING.",
-        ),
-    ] = None,
+    config: Path | None = None,
+    output: Path | None = None,
+    only: str | None = None,
+    scheduler: str | None = None,
+    metrics: Path | None = None,
+    ping: str | None = None,
 ) -> None:
     """Plan every case on the newest currents, and then point OUTPUT/latest at the results."""
     with reported_errors():
@@ -92,10 +60,7 @@ def run(
         # The night's file is loaded inside, so that its faults are reported as a failed night.
         outcome = watched(
             lambda: run_night(
-                load_config(config, output),
-                only=only,
-                scheduler=scheduler,
-                on_event=on_event,
+                load_config(config, output), only=only, scheduler=scheduler, on_event=on_event
             ),
             metrics=metrics,
             url=ping,
@@ -105,8 +70,8 @@ def run(
         raise typer.Exit(outcome.exit_code)
 
 
-@app.command(cls=options.Command)
-def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> None:
+@options.command(app, "nightly status")
+def status(*, config: Path | None = None, output: Path | None = None) -> None:
     """Print the latest cycle, whether a job is at work, and its progress."""
     with reported_errors():
         from pipeline.nightly.config import load_config
@@ -116,13 +81,8 @@ def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> 
             typer.echo(line)
 
 
-@app.command(cls=options.Command)
-def show(
-    case: Annotated[str, typer.Argument(help="A case, or the first parts of its name.")],
-    *,
-    config: ConfigOption = None,
-    output: NightOutputOption = None,
-) -> None:
+@options.command(app, "nightly show")
+def show(case: str, *, config: Path | None = None, output: Path | None = None) -> None:
     """Print a case of the last cycle: its route, and what changed."""
     with reported_errors():
         from pipeline.nightly.config import load_config

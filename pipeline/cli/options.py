@@ -1,14 +1,15 @@
 """The options of commands, and the classes of commands that parse them and write their help.
 
-Options are made from a table of options, or are annotated types.
+Options are made from tables: those of a voyage, and `options.toml`.
 """
 
 import contextlib
 import inspect
 import re
-from collections.abc import Callable, Iterator
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_origin
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -18,12 +19,7 @@ from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import CatalogueSection, Option, help_text, options, spelling
 
 _Command = TypeVar("_Command", bound=Callable[..., None])
-_TYPES: dict[str, type[Any]] = {
-    "file": Path,
-    "folder": Path,
-    "flag": bool,
-    "number": float,
-}
+_TYPES: dict[str, type[Any]] = {"file": Path, "folder": Path, "flag": bool, "number": float}
 
 
 def with_options(table: type[Any], *, without: tuple[str, ...] = ()) -> Callable[..., Any]:
@@ -84,55 +80,39 @@ def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:
     return completed
 
 
-def _as_for_voyages(field: str) -> Any:  # noqa: ANN401 - typer's option
-    """Return an option of `renew go`, for other commands."""
-    (option,) = (option for option in options(VoyageRequest) if option.field == field)
-    return _info(VoyageRequest, option)
+_ABOUT = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
 
 
-# --- of several commands ---
+def command(app: typer.Typer, name: str) -> Callable[[_Command], _Command]:
+    """Make a function a command, whose last word is that of `name`, as `options.toml` describes."""
+    group, _, _ = name.partition(" ")
+    about = {**_ABOUT["all"], **_ABOUT.get(group, {})}
 
-Scenario = Annotated[
-    str,
-    typer.Argument(
-        help="A name in the catalogue (`renew list`) or the path of a TOML file.",
-        autocompletion=known_names("scenarios"),
-    ),
-]
-Quiet = Annotated[
-    bool,
-    typer.Option(
-        "--quiet",
-        "-q",
-        rich_help_panel="Output",
-        help="Print errors only: no progress, no notes, and no table at the end.",
-    ),
-]
-Verbose = Annotated[
-    bool,
-    typer.Option(
-        "--verbose",
-        "-v",
-        rich_help_panel="Output",
-        help="Print the reasons, what was chosen, turns and islands, too.",
-    ),
-]
-Json = Annotated[
-    bool,
-    typer.Option(
-        "--json", rich_help_panel="Output", help="Print one JSON object in place of the table."
-    ),
-]
-JsonOnly = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-Output = Annotated[Path, _as_for_voyages("output")]
-Offline = Annotated[bool, _as_for_voyages("offline")]
-Charts = Annotated[list[str] | None, _as_for_voyages("charts")]
-Currents = Annotated[list[str] | None, _as_for_voyages("currents")]
-ExplainGap = Annotated[bool, _as_for_voyages("explain_gap")]
-Strict = Annotated[bool, _as_for_voyages("strict")]
-Scheduler = Annotated[
-    str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
-]
+    def decorated(function: _Command) -> _Command:
+        signature = inspect.signature(function)
+        parameters = [
+            one
+            if get_origin(one.annotation) is Annotated or one.kind is one.VAR_KEYWORD
+            else one.replace(annotation=Annotated[one.annotation, _described(one.name, about)])
+            for one in signature.parameters.values()
+        ]
+        function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        app.command(name.rpartition(" ")[2], cls=Command)(function)
+        return function
+
+    return decorated
+
+
+def _described(name: str, about: Mapping[str, Any]) -> Any:  # noqa: ANN401 - typer's argument or option
+    """Return what typer has to know of a parameter: one of the given, or of a voyage."""
+    if name not in about:
+        (option,) = (option for option in options(VoyageRequest) if option.field == name)
+        return _info(VoyageRequest, option)
+    own = dict(about[name])
+    is_argument, flags = own.pop("is_argument", False), own.pop("flags", ())
+    if section := own.pop("complete", ""):
+        own["autocompletion"] = known_names(section)
+    return typer.Argument(**own) if is_argument else typer.Option(*flags, **own)
 
 
 # --- parsing and help ---

@@ -14,15 +14,8 @@ from typing import NoReturn
 
 import typer
 
+from pipeline.cli import terminal
 from pipeline.cli.answer import answer
-from pipeline.cli.terminal import (
-    every,
-    json_lines,
-    log_event,
-    progress_bar,
-    say,
-    terminal_width,
-)
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import RankedRoute
@@ -94,7 +87,7 @@ def _machine_notes() -> Iterator[str]:
 def _bar(scenario: Scenario) -> Iterator[EventHandler]:
     """Show a bar with a step for each stage and each case."""
     steps = len(STAGES) - (scenario.havens is None) + len(scenario.seasons)
-    with progress_bar(scenario.name) as bar:
+    with terminal.progress_bar(scenario.name) as bar:
         task = bar.add_task("Starting", total=steps)
 
         def on_event(event: Event) -> None:
@@ -115,7 +108,7 @@ def _bar(scenario: Scenario) -> Iterator[EventHandler]:
 @contextlib.contextmanager
 def _json_lines(scenario: Scenario) -> Iterator[EventHandler]:
     """Write a line of JSON for each event, and one every _HEARTBEAT_S while the run works."""
-    log = json_lines(sys.stderr).bind(scenario=scenario.name)
+    log = terminal.json_lines(sys.stderr).bind(scenario=scenario.name)
     state = _State(scenario)
 
     def on_event(event: Event) -> None:
@@ -128,9 +121,11 @@ def _json_lines(scenario: Scenario) -> Iterator[EventHandler]:
             "note": event.note and json_value(note_json(event.note)),
             "seconds": round(seconds, 3) if seconds else None,
         }
-        log_event(log, event.status, {name: value for name, value in fields.items() if value})
+        terminal.log_event(
+            log, event.status, {name: value for name, value in fields.items() if value}
+        )
 
-    with every(_HEARTBEAT_S, lambda: log.info("working", **state.fields())):
+    with terminal.every(_HEARTBEAT_S, lambda: log.info("working", **state.fields())):
         yield on_event
 
 
@@ -155,7 +150,7 @@ def _text_lines(scenario: Scenario) -> Iterator[EventHandler]:
         elif event.status == "done" and event.season:
             say(f"{stage}{about}: done")
 
-    with every(_HEARTBEAT_S, lambda: say(state.text)):
+    with terminal.every(_HEARTBEAT_S, lambda: say(state.text)):
         yield on_event
 
 
@@ -209,11 +204,11 @@ def run_to_end(
     if as_json:
         typer.echo(outcome_json(outcome))
     elif not quiet:
-        typer.echo(answer(outcome, terminal_width(), verbose=verbose))
+        typer.echo(answer(outcome, terminal.terminal_width(), verbose=verbose))
         verb = "Written to" if outcome.fresh else "Unchanged in"
         typer.echo(f"\n{verb} {short_path(outcome.directory)} ({outcome.seconds:.1f} s)")
     for failure in outcome.failures:
-        say(f"error: {failure}", err=True)
+        terminal.say(f"error: {failure}", err=True)
     raise typer.Exit(outcome.exit_code)
 
 

@@ -3,7 +3,7 @@
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -26,27 +26,9 @@ _DAYS = 7
 _MOST_DAYS = 3660
 
 
-@app.command(cls=options.Command)
+@options.command(app, "tide show")
 def show(
-    station: Annotated[
-        str,
-        typer.Argument(
-            help="A station of the catalogue (boston) or the path of a station's file.",
-            autocompletion=options.known_names("stations"),
-        ),
-    ],
-    *,
-    begin: Annotated[
-        str | None,
-        typer.Option("--from", metavar="TIME", help="A day or an instant, UTC; today if left out."),
-    ] = None,
-    end: Annotated[
-        str | None,
-        typer.Option(
-            "--to", metavar="TIME", help="The last day, or an instant, UTC; by default seven days."
-        ),
-    ] = None,
-    as_json: options.JsonOnly = False,
+    station: str, *, begin: str | None = None, end: str | None = None, as_json: bool = False
 ) -> None:
     """List high and low waters at a station, as an almanac does, in UTC."""
     with reported_errors():
@@ -60,15 +42,8 @@ def show(
         typer.echo(_listed(tide_station, *span, as_json=as_json))
 
 
-@app.command(cls=options.Command)
-def fit(
-    series: Annotated[
-        list[str],
-        typer.Argument(help="Hourly currents of 29 days at least: NetCDF files, or a pattern."),
-    ],
-    *,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="The NetCDF file to write.")],
-) -> None:
+@options.command(app, "tide fit")
+def fit(series: list[str], *, out: Path) -> None:
     """Fit harmonic constants to the user's own hourly currents, at each of their nodes."""
     with reported_errors():
         import numpy as np

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import typer
 
@@ -64,10 +64,8 @@ def examine(output: Path, *, offline: bool = False) -> Iterator[Finding]:
 
     Parameters
     ----------
-    output
-        Folder of results; it need not exist, and is not created.
-    offline
-        Don't check the login at the service for currents.
+    output : folder of results; it need not exist, and is not created.
+    offline : don't check the login at the service for currents.
     """
     login = begun(partial(check_login, offline=offline))  # while the other checks are made
     checks: dict[str, Callable[[], Finding]] = {
@@ -174,12 +172,8 @@ def check_login(*, offline: bool) -> Finding:
 def warm() -> str:
     """Compile all functions that are not compiled yet, with a bar on a terminal; return a summary.
 
-    Raises
-    ------
-    RequestError
-        The compiler is switched off, or NUMBA_CACHE_DIR can't be written.
-    StageError
-        The machine code can't be saved.
+    Raises RequestError if the compiler is switched off, or NUMBA_CACHE_DIR can't be written;
+    StageError if the machine code can't be saved.
     """
     from renew import _compiled
 
@@ -252,12 +246,8 @@ def require_consent() -> None:
 def freed(output: Path, *, older: str, everything: bool) -> str:
     """Prune the store of an output folder; return one line on the space that was freed.
 
-    Raises
-    ------
-    RequestError
-        `older` is not an age, or there is no store.
-    StageError
-        A run is using the folder.
+    Raises RequestError if `older` is not an age, or there is no store; StageError if a run is using
+    the folder.
     """
     from pipeline import session
     from pipeline.machine.store import MAX_STORE_BYTES
@@ -302,17 +292,8 @@ def _group() -> None:
     """Keep the name `install`: without this, Typer makes a group of one command that command."""
 
 
-@qgis_app.command(cls=options.Command)
-def install(
-    *,
-    profile: Annotated[
-        str, typer.Option(metavar="NAME", help="The user's profile of QGIS.")
-    ] = "default",
-    plugins: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Folder of plugins, in place of the profile's."),
-    ] = None,
-) -> None:
+@options.command(qgis_app, "qgis install")
+def install(*, profile: str = "default", plugins: Path | None = None) -> None:
     """Put the plugin into the user's profile of QGIS, in place of an earlier version."""
     with reported_errors():
         if Path(profile).name != profile:

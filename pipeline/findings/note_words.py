@@ -1,16 +1,18 @@
 """The words of notes and of rejected classes, and how a note's values are put into them.
 
-A note's words are a sentence for `str.format`, or a function of its values where the sentence
-depends on them. Besides the usual formats there are `{x:distance}` and `{x:hours}` for quantities,
-`{n:route|routes}` for a count with its noun, `{list:, }` for a list with its separator, and
-`{list:, /3/ and # more}` for a list of which only three entries are named.
+A note's words are a sentence for `str.format` in `notes.toml`, or a function of its values where
+the sentence depends on them. Besides the usual formats there are those of `_FORMATS`, as
+`{x:distance}`, `{n:route|routes}` for a count with its noun, `{list:, }` for a list with its
+separator, and `{list:, /3/ and # more}` for a list of which only three entries are named.
 """
 
 import math
 import string
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from datetime import datetime
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import renew
@@ -93,7 +95,12 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "at most": lambda value: f"{text.rounded_up(value, 2):g}",
     "at most hours": text.at_most_hours,
     "clearance": text.clearance,
+    "duration": text.duration,
     "hours": text.hours,
+    "moment": text.moment_text,
+    "number": text.number,
+    "percent": text.percent,
+    "share": text.share,
 }
 
 
@@ -261,54 +268,9 @@ def _region_chosen(bounds: Sequence[float], ends: Sequence[Note], left_out: floa
     return f"region {text.box(bounds)}, {chosen}{longer if left_out else ''}{rest}"
 
 
-WORDS: Mapping[str, str | Callable[..., str]] = {
-    # The chart.
-    "accuracy-assumed": "{source}: its coast is assumed to be accurate to {accuracy_m:g} m, as no "
-    "accuracy is given (accuracy_m)",
-    "joined-at-180": "{source}: {count:part has|parts have} an edge longer than 180 degrees of "
-    "longitude, and {count:was|were} taken to cross 180 degrees there",
-    "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
-    "repaired (rings that cross or touch themselves)",
-    "chart-not-near": "{source} has nothing near the region",
-    "chart-no-go": "no-go: all water except where the chart gives a depth of "
-    "{safety_depth_m:g} m or more (draught plus under-keel clearance, at chart datum, without "
-    "tide)",
-    "depths-lacking": "{source} has no depths for {share:.1%} of the region (some of it may be "
-    "land): routes may cross the water there, whatever its depth",
-    "depths-no-go": "no-go: all water that is less than {safety_depth_m:g} m deep in {source} "
-    "(draught plus under-keel clearance, at the grid's own datum, without tide), and one cell of "
-    "{cell_m:.0f} m around it; shoals smaller than a cell are not in such a grid",
-    "entry-prohibited": "routes may cross areas where entry is prohibited or to be avoided: "
-    "{areas:, }",
-    "features-without-geometry": "{source}: {count:feature has|features have} no geometry, and so "
-    "no land",
-    "gdal-warning": "{source}: GDAL warns: {warning}",
-    "land-not-cached": "the world's land could not be kept in the user's cache ({problem}): it is "
-    "unpacked again for each region, which takes some seconds; set XDG_CACHE_HOME to a writable "
-    "folder",
-    "margin-narrowed": "the margin of {margin_m:g} m would close every passage between start and "
-    "goal: it was reduced along the way; the narrowest place, at {place}, is "
-    "{width_m:clearance} wide",
-    "margin-raised": "chart.margin_m is {margin_m:g} m, but the coast may be off by "
-    "{accuracy_m:g} m: a margin of {accuracy_m:g} m was used",
-    "no-cell": "no S-57 cell covers {share:.1%} of the region: it is no-go",
-    "poor-survey": "{share:.0%} of the water is charted from poor or unassessed surveys (zones of "
-    "confidence C, D, U): objects may lie 500 m or more off their charted place",
-    # The currents.
-    "climatology-stands-in": "planned on {source}: {valid} stands in for {asked}",
-    "current-at-depth": "the currents are from {depth_m:g} m depth",
-    "current-changes": "the current changes on the way: it has {steps} time steps",
-    "current-doubtful": "check {source}: {warning}",
-    "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
+_BY_FUNCTION: Mapping[str, Callable[..., str]] = {
     "current-lacking": _current_lacking,
     "current-on-table": _current_on_table,
-    "current-gaps-filled": "the current had gaps at some times in {share:.1%} of its cells: they "
-    "were filled from the times before and after, up to {hours:g} hours away; {lost:.1%} have a "
-    "longer gap, and count as without data",
-    "current-means-lack": "the current's mean lacks some of its times in up to {share:.1%} of its "
-    "cells: it is the mean of those that are there, at least half",
-    "current-over-depth": "the currents are means over depth, not of the surface",
-    "current-stands-in": "planned on {source}, valid {valid}",
     "current-used": lambda source, valid: (
         f"planned on {source}{f', valid {valid}' if valid else ''}"
     ),
@@ -316,22 +278,6 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{'no current was used' if left_out else 'no current is given on the best route'}: real "
         "fuel and times may differ, and no choice of a way is proven"
     ),
-    "forecasts-overlap": "{count:time step gives|time steps give} way to a later forecast, "
-    "the latest of {reference:%Y-%m-%d %H:%M} UTC",
-    "level-assumed": "the only level, {level} = {value:g}, is taken for the surface",
-    "level-by-name": "of {level} the index {at} is taken for the surface, by its name",
-    "member-left-out": "a member of the current was left out: {reason}",
-    "current-without-tide": "the currents are without tide",
-    "constants-old": "the harmonic constants come from currents of {begin:%Y-%m-%d} to "
-    "{end:%Y-%m-%d}, {years:.0f} years from the departure: channels and banks may have moved",
-    "pair-taken": "the current is {u} and {v} of the file, {why:; }",
-    "source-passed-over": "{reason}",
-    "steps-are-means": "its time steps are means of a {step}, without the tide",
-    "steps-read": "the file's time steps are read as {how}",
-    "steps-sparse": "{count:time step stands|time steps stand} for all of {asked: to }: "
-    "{steps: to }",
-    "still-water": "planned without currents, in still water",
-    "streams-on-residual": "the streams run on {source}, valid {valid}",
     "tidal-streams": lambda names, step_min, error_m_s, has_mean: (
         f"tidal streams are the sum of {text.count(len(names), 'constituent', 'constituents')} "
         f"({_first(names, ', ', '8', ' and # more')})"
@@ -339,31 +285,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{text.rounded_up(error_m_s, 2):g} m/s in between; wind and rivers are not in them"
     ),
     "tide-too-low": _tide_too_low,
-    "tide-unknown": "water as at {place} is deep enough for some hours only, and no station counts "
-    "there: the nearest is more than 10 km away by water, and no official levels reach so far. "
-    "Routes keep off it; add a station, or give one a zone in a TOML file",
-    "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
-    "unit-assumed": "{variable} has no unit: {assumed} is assumed",
-    "unit-converted": "{variable} is in {unit}: converted to {to}",
-    "water-shut": "in {share:.1%} of the water the current is as fast as the vessel "
-    "({speed_m_s:g} m/s) or faster, up to {most_m_s:at most} m/s at {place}: no route leads there",
     "water-shut-for-hours": _water_shut_for_hours,
-    "zeros-are-land": "zeros in the file are treated as land",
-    # What was chosen.
-    "currents-end": "in the {sides: and } the region ends where the data of {source} end",
     "departure-chosen": lambda choice: " ".join(departure_text(choice)).removesuffix("."),
-    "departure-in-mean": "the departure was chosen in the mean of the members' currents, and at "
-    "that departure the side in all of them",
-    "departures-asked": "{count} departures are planned to choose from",
-    "departures-planned": "{count} of {asked} departures are planned",
-    "departures-refined": "{count} departures are planned; another one may still save up to "
-    "{unproven_s:at most hours}",
-    "offing-chosen": "routes keep an offing of {offing_m:,.0f} m beyond the chart's margin, chosen "
-    "for this vessel and chart, and in narrower passages {narrow_share:.0%} of the half-width; "
-    "planner.clearance (--clearance) sets another, and 0 means none",
-    "offing-yields": "the best route keeps less than the offing of {offing_m:,.0f} m for "
-    "{length_m:distance} in narrows, or beside start or goal: at least {least_m:clearance} beyond "
-    "the chart's margin at {place}",
     "room-kept": lambda turns_m, offing_m: (
         f"hard-over turns beside the best route need a padding of up to {math.ceil(turns_m):,} m, "
         f"and the offing is {offing_m:,.0f} m: the "
@@ -373,60 +296,11 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"the offing of {offing_m:,.0f} m decide where it runs"
     ),
     "region-chosen": _region_chosen,
-    "region-opened": "region widened to {bounds:box}, because no way joins start and goal in a "
-    "smaller region",
-    "region-widened": "region widened to {bounds:box}, because the best route came near its "
-    "{near: and } edge",
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
-    "how-sure": "{said}",
-    "as-read": "{said}",
     "replanned": lambda found: " ".join(replanned_text(found)).removesuffix("."),
-    "stop-moved": "{stop} lies on land: it was moved {moved_m:distance} to {place}, the nearest "
-    "water that joins start and goal; planner.snap (--snap) sets how far, and 0 means not at all",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
-    "levels-below-tide": "within 10 km of {station} the official levels are for {share:.0%} of the "
-    "water at some hour more than {surge_m:g} m lower than its tide, by up to {most_m:.2f} m: the "
-    "levels count where they reach, and beyond them that tide may be as much too high",
-    "levels-relied-on": lambda source, begin, until: (
-        f"the height of the water is that of {source} at each place and hour, from "
-        f"{text.moment_text(begin)} until {text.moment_text(until)}; outside these hours the lowest"
-        " of its levels counts"
-    ),
-    "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "
-    "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "
-    "error of soundings is not taken off",
-    # The routes.
-    "coverage": lambda covered, uncovered, not_settled: (
-        f"from {text.share(covered)} of the best route, by time, a planned way leads to a haven "
-        f"within the limits; from {text.share(uncovered)} nobody gets to one in time; "
-        f"{text.share(not_settled)} is not settled"
-    ),
-    "energy-short": lambda rank, needs, has, unit: (
-        f"route {rank} needs {text.number(needs)} {unit}, and battery or tank give "
-        f"{text.number(has)} {unit} over the reserve: the vessel doesn't get there"
-    ),
-    "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
-    "adrift": lambda least_s, place, soon, ashore, by_wind: (
-        f"without thrust the current {'and the wind carry' if by_wind else 'carries'} the vessel "
-        f"ashore in {text.duration(least_s)}, from {place.text}; within 6 h from "
-        f"{text.percent(soon)} of the best route, within 72 h from {text.percent(ashore)}"
-    ),
     "adrift-kept": _adrift_kept,
-    "worst-met": lambda name, unit, most, place, at, left: (
-        f"{name} of up to {most:.1f} {unit} on the best route, at {place.text}, "
-        f"{text.moment_text(at)}: {left:.1f} {unit} below the limit"
-    ),
     "area-shut": _area_shut,
-    "against-lane": "route {rank} sails against the {lane} for {length_m:distance}, at {place}: "
-    "vessels under 20 m need not keep lanes, unless planner.lanes = true, and others do where "
-    "there is a way that does",
-    "lane-kept": "a way of less fuel sails against the {lane}: the routes keep out of it "
-    "(COLREGS rule 10; planner.lanes = false asks for no lane)",
-    "canal-left-out": "the {canal} joins start and goal, and no route leads through it: canals are "
-    "land in this chart, or too narrow to turn in. Between its ends at {begin} and {end} the way "
-    "through it has about {way_m:distance}",
-    "classes-shut-for-hours": "no route was found where the current shuts water on the way for a "
-    "while: {ways:; /3/, and of # more}. At another departure the water may be open",
     "crossing": _crossing,
     "current-filled": lambda first, shares: (
         f"no current is given on {_shares(first, shares)}: it was filled from the water around"
@@ -436,27 +310,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{_shares(first, shares)}: the streams there are a guess"
     ),
     "depth-uncharted": lambda first, shares: f"no depth is charted for {_shares(first, shares)}",
-    "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",
     "least-water": _least_water,
     "narrow-stretch": _narrow_stretch,
-    "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
-    "route {rank} met {no_go}, the first one from {place}; it was planned with padding = "
-    '{padding!r}, and only "adaptive" and "triangle" are verified',
     "place-shut": lambda place, begin, until: f"at {place.text}{_from_until(begin, until, ' on')}",
-    "routes-shut-for-hours": "the current shuts water for a while on the way of "
-    "{ways:; /3/, and of # more}. The routes are the best without waiting",
-    "second-shoreline": "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land "
-    "where routes cross water of this chart; check these places on an official chart: "
-    "{crossings:; /8/; and # shorter}",
-    "strait-unresolved": "the strait at {place} is {width_m:distance} wide, and a cell of the "
-    "current is {cell_m:distance} wide: the tide in the strait is not resolved, and may run harder "
-    "and turn at another time than planned",
     "strait-shut": _strait_shut,
-    "straits-shut": "{count:strait is|straits are} shut by margin or padding; a way would be "
-    "{saves:.0%} shorter in time than the best way round, both without padding, through "
-    "{straits: and through /3/ and # more}",
-    "unlisted-land": "OpenStreetMap has land where routes cross water of this chart; check these "
-    "places on an official chart: {crossings:; /8/; and # shorter}",
     "waits-at-anchor": lambda place, begin, until: (
         f"the vessel lies at anchor at {place.text}{_from_until(begin, until, '')}"
     ),
@@ -465,15 +322,14 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         "until water ahead opens"
         + (f": staying there takes {text.number(fuel)} of fuel" if fuel else "")
     ),
-    "limits-unchecked": "{vessel} has limits of waves or wind, and no files were given to hold "
-    "them against (--waves, --wind)",
     "over-limit": lambda name, limit, unit, most, begin, until: (
         f"{name} of up to {text.rounded_up(most, 1)} {unit}, over the limit of {limit:g} {unit}, "
         f"shut{_from_until(begin, until, '')} water beside the way: the routes keep out of it, "
         "early, on time and late"
     ),
-    "way-shut": "{way} {places:, /3/ and at # more places}",
 }
+_SENTENCES = tomllib.loads(Path(__file__).with_name("notes.toml").read_text(encoding="utf-8"))
+WORDS: Mapping[str, str | Callable[..., str]] = {**_SENTENCES, **_BY_FUNCTION}
 """The words of each kind of note."""
 
 

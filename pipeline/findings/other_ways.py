@@ -18,18 +18,11 @@ import shapely
 from shapely import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
+from pipeline import model
 from pipeline._types import FloatArray, Geometries, IndexArray
 from pipeline.findings.shortcuts import shortcuts
 from pipeline.findings.way_names import island_places
 from pipeline.geo.coast import in_small_pieces
-from pipeline.model import (
-    Case,
-    CaseResult,
-    PlaceName,
-    ShutStrait,
-    Water,
-    plan_options,
-)
 from pipeline.model.result import NumberedIsland
 from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
@@ -65,7 +58,7 @@ _PLAIN = 1.01
 
 
 def side_bound(
-    case: Case, result: CaseResult, main: NumberedIsland | None, options: PlannerOptions
+    case: model.Case, result: model.CaseResult, main: NumberedIsland | None, options: PlannerOptions
 ) -> float | None:
     """Bound the fuel, planner's units, of ways on the main island's other side; None if unknown.
 
@@ -102,7 +95,7 @@ def side_bound(
     return fuel if math.isfinite(fuel) else None
 
 
-def _with_price(voyage: Voyage, case: Case, result: CaseResult) -> Voyage:
+def _with_price(voyage: Voyage, case: model.Case, result: model.CaseResult) -> Voyage:
     """Return the voyage with the case's choice of speeds, if it has one, at a price of time.
 
     The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
@@ -116,15 +109,12 @@ def _with_price(voyage: Voyage, case: Case, result: CaseResult) -> Voyage:
         return voyage
     slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
     return replace(
-        voyage,
-        least_speed=speeds.least,
-        price=max(0.0, -float(slope)),
-        deadline=result.arrive_by_s,
+        voyage, least_speed=speeds.least, price=max(0.0, -float(slope)), deadline=result.arrive_by_s
     )
 
 
 def strip_across(
-    island: Point, best: LineString, others: Sequence[LineString], case: Case
+    island: Point, best: LineString, others: Sequence[LineString], case: model.Case
 ) -> BaseGeometry | None:
     """Return the smallest strip from an island to the chart's edge that `best` crosses.
 
@@ -151,10 +141,10 @@ def strip_across(
 
 
 def shut_straits(
-    planned: Sequence[tuple[Case, CaseResult]],
+    planned: Sequence[tuple[model.Case, model.CaseResult]],
     options: PlannerOptions,
-    places: Sequence[PlaceName] = (),
-) -> tuple[ShutStrait, ...]:
+    places: Sequence[model.PlaceName] = (),
+) -> tuple[model.ShutStrait, ...]:
     """Return the important straits that margin, tolerance or padding shut.
 
     Of all, the straight lines from start and goal to the strait are together hardly longer than a
@@ -165,7 +155,10 @@ def shut_straits(
     found = [(case, result) for case, result in planned if result.routes]
     if not found or found[0][0].water.is_planar:
         return ()
-    radius, given = max(case.vessel.turning_radius for case, _ in found), plan_options(options)
+    radius, given = (
+        max(case.vessel.turning_radius for case, _ in found),
+        model.plan_options(options),
+    )
     likely = given.likely_width(radius)
     turns = 2 * radius if given.is_adaptive else 0.0
     water = found[0][0].water
@@ -182,7 +175,7 @@ def shut_straits(
     share = np.array([math.dist(*gap.line) * water.projection.scale / gap.needed_m for gap in gaps])
     ways = shortcuts(found, area, lines, share, options.drift)
     known = (*places, *island_places(water))
-    straits = dict[int, ShutStrait]()
+    straits = dict[int, model.ShutStrait]()
     for number, way in enumerate(ways, 1):
         for at in sorted(way.straits - straits.keys(), key=lambda at: float(share[at])):
             beside = finder.beside(gaps[at].line, known)
@@ -196,7 +189,7 @@ def shut_straits(
     return *straits.values(), *sorted(others, key=lambda strait: -strait.width_m)
 
 
-def _reach(case: Case, result: CaseResult) -> shapely.Polygon:
+def _reach(case: model.Case, result: model.CaseResult) -> shapely.Polygon:
     """Return a strip that holds every way hardly longer than the best route, planar metres.
 
     Such ways lie in an ellipse round start and goal, and the strip is as wide.
@@ -231,7 +224,7 @@ class _StraitFinder:
     one that hard-over turns or a clearance need beside a straight way in still water.
     """
 
-    water: Water
+    water: model.Water
     area: shapely.Polygon
     likely: float
     turns: float
@@ -257,7 +250,7 @@ class _StraitFinder:
         pieces, owner = _pieces(self._land.geometries)
         return shapely.STRtree(pieces), owner
 
-    def gaps(self, results: Sequence[CaseResult]) -> list[_Gap]:
+    def gaps(self, results: Sequence[model.CaseResult]) -> list[_Gap]:
         """Return the straits that padding shuts, each once.
 
         One at which classes were rejected is told with the figures of their refusals. It is left
@@ -297,7 +290,7 @@ class _StraitFinder:
         nearest = owner[coast.query_nearest(ends, all_matches=False)[1]].reshape(-1, 2)
         return [tuple(both) for both in np.sort(nearest, axis=1).tolist()]
 
-    def beside(self, line: FloatArray, places: Sequence[PlaceName]) -> tuple[str, ...]:
+    def beside(self, line: FloatArray, places: Sequence[model.PlaceName]) -> tuple[str, ...]:
         """Return the names of the land on the shores of a strait (2, 2): of its largest place."""
         lonlat = np.array([(place.lon, place.lat) for place in places]).reshape(-1, 2)
         points = shapely.points(self.water.projection.to_plane(lonlat))
@@ -330,13 +323,13 @@ class _StraitFinder:
 
     def told(
         self, gap: _Gap, saves: float = 0.0, way: int = 0, beside: tuple[str, ...] = ()
-    ) -> ShutStrait:
+    ) -> model.ShutStrait:
         """Return a gap for readers, with what a way through it saves."""
         projection = self.water.projection
         lon, lat = projection.to_lonlat(gap.line.mean(axis=0)).tolist()
         width_m = projection.geodesic_length_m(gap.line)
         of_gap = gap.needed_m, gap.padding_m, gap.by, gap.seasons
-        return ShutStrait(lon, lat, width_m, *of_gap, saves, way, beside)
+        return model.ShutStrait(lon, lat, width_m, *of_gap, saves, way, beside)
 
     def _is_shut(self, line: FloatArray, padding: float) -> bool:
         """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""

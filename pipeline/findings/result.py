@@ -223,6 +223,17 @@ class RunCase:
             return False
         return grid.is_left_out or rows[0].filled_share >= 1 - NO_SHARE
 
+    def is_dear(self, row: model.RouteMetrics) -> bool:
+        """Whether a route needs so much more fuel than the first that it is folded."""
+        return row.fuel > (1 + DEAR) * self.routes[0].metrics.fuel
+
+    @property
+    def followed(self) -> list[RankedRoute]:
+        """The routes that one may follow: the first on each side, and those that are not dear."""
+        first = {one.metrics.main_passage: one for one in reversed(self.routes)}.values()
+        ranks = {one.rank for one in first}
+        return [one for one in self.routes if one.rank in ranks or not self.is_dear(one.metrics)]
+
     def gap_figure(self, row: model.RouteMetrics) -> str:
         """Return a route's gap for readers: none is proven where the current is not known."""
         gap = self.proven_gap(row)
@@ -553,7 +564,7 @@ def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
             place=Place(row.adrift_lon, row.adrift_lat),
             soon=row.adrift_share,
             ashore=row.ashore_share,
-            by_wind=case.case.leeway is not None,
+            carries="current and the wind carry" if case.case.leeway else "current carries",
         )
 
 

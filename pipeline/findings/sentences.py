@@ -23,10 +23,8 @@ _NO_CURRENT = 0.01
 
 
 # Why a route is taken though another needs less fuel: in narrow water, and by the sampled method.
-_ROOMIER = "It leaves more room to turn hard over, although another route needs less fuel"
-_LEAST_IN_THE_MEAN = (
-    "Its class needs the least fuel in the mean, although another route needs less than this one"
-)
+_ROOMIER = "but leaves less room to turn hard over"
+_LEAST_IN_THE_MEAN = "but its class needs more in the mean"
 
 
 @dataclass(frozen=True)
@@ -74,6 +72,11 @@ class CaseFacts:
         rival = self.rival
         if rival is None:
             return "No other class that was planned has a route."
+        cheapest = min(self.routes, key=lambda route: route.fuel)
+        if cheapest.fuel < self.best.fuel * (1 - _SAME_FUEL):
+            less = text.percent(1 - cheapest.fuel / self.best.fuel)
+            why = _ROOMIER if self.is_narrow else _LEAST_IN_THE_MEAN
+            return f"Route {cheapest.rank} needs {less} less fuel, {why}."
         than, _, island = rival.main_passage.partition(" ")
         if rival.main_passage == self.best.main_passage:
             than = "the next"
@@ -82,8 +85,6 @@ class CaseFacts:
         length = _length_beside(self.best, rival, than)
         if self.lacks_current and self.best.length_m <= rival.length_m:
             return f"{length}."
-        if self.best.fuel > rival.fuel:
-            return f"{_ROOMIER if self.is_narrow else _LEAST_IN_THE_MEAN}."
         if self.is_still:
             return f"{length}; there is no current to speak of."
         return f"{length}, {_current_beside(self.best, rival, 1)}."
@@ -117,7 +118,7 @@ class CaseFacts:
             more = bound / best.fuel - 1
             # The bound may be hardly above the best route's fuel.
             needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
-            return f"Proven in this current: any way on the other side needs {needs}."
+            return f"Proven in this current: any other side needs {needs}."
         # The gap is above the bound for all sides, which may be the better one.
         gap = best.optimality_gap if best.optimality_gap >= 0 else math.inf
         saved = 1 - 1 / (1 + gap)

@@ -3,7 +3,8 @@
 An island has the chart's name, else the catalogue's (`island_places`), else its number in the
 planner's homotopy classes (:mod:`renew.classes.h_signature`: the largest is 1), in all cases the
 same. Of islands that share a name only the largest has it. Every name begins with the main island:
-the largest that distinguishes any two routes; others follow only where they are needed.
+the largest that distinguishes two routes of which none is much dearer than the case's cheapest, or
+any two; others follow only where they are needed.
 
 A polygon of land is an island of the catalogue if it lies in the island's bounds, is about as
 large, and contains the island's own point or reaches as far as the island on every side. If the
@@ -26,6 +27,7 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IndexArray
+from pipeline.findings.result import DEAR
 from pipeline.geo.projection import METRES_PER_DEGREE, bounds_of
 from pipeline.model import CaseResult, Passage, PlaceName, RouteKey, Water
 from pipeline.model.result import NumberedIsland, Side
@@ -135,18 +137,33 @@ class _WayNamer:
     @cached_property
     def _distinguishing_any(self) -> list[int]:
         """Islands that two routes of some case pass on different sides, the largest first."""
-        cases = {case for case, _ in self._routes}
+        return self._distinguishing_of(self._routes)
+
+    def _distinguishing_of(self, keys: Iterable[RouteKey]) -> list[int]:
+        """Return the islands that two of these routes pass on different sides in a case."""
+        windings = {key: self._windings[key] for key in keys}
+        cases = {case for case, _ in windings}
         return sorted(
             island
             for island in self._spelled & set(self._rays.island.tolist())
-            if len({(case, of[island]) for (case, _), of in self._windings.items()}) > len(cases)
+            if len({(case, of[island]) for (case, _), of in windings.items()}) > len(cases)
         )
+
+    def _not_dear(self) -> Iterator[RouteKey]:
+        """Yield the routes that are not much dearer than the cheapest of their case."""
+        least: dict[str, float] = {}
+        for (case, _), route in self._routes.items():
+            least[case] = min(route.fuel, least.get(case, math.inf))
+        for key, route in self._routes.items():
+            if route.fuel <= (1 + DEAR) * least[key[0]]:
+                yield key
 
     @cached_property
     def _main(self) -> int | None:
         """The main island; if the routes of no case differ, the largest on the way."""
         if self._distinguishing_any or not self._routes:
-            return next(iter(self._distinguishing_any), None)
+            telling = self._distinguishing_of(self._not_dear()) or self._distinguishing_any
+            return next(iter(telling), None)
         best = next(iter(self._routes.values()))
         on_the_way = rays_that_matter(self._rays, best.path, 2).island.tolist()
         return next((one for one in on_the_way if self._is_passed(one, best.path)), None)
@@ -392,7 +409,7 @@ class Island:
 @cache
 def islands() -> tuple[Island, ...]:
     """Return the catalogue's islands."""
-    with catalogue.islands().open(encoding="utf-8", newline="") as file:
+    with (catalogue.root() / "islands.csv").open(encoding="utf-8", newline="") as file:
         return tuple(
             Island(name, lon, lat, (west, south, east, north), area_km2)
             for name, *figures in islice(csv.reader(file), 1, None)

@@ -3,39 +3,14 @@
 import base64
 import hashlib
 import re
+import tomllib
 from functools import cache
 from pathlib import Path
 
-COLOURS = {
-    "water": "#eef4f8",
-    "land": "#c9a97c",
-    "coast": "#8d6c42",
-    "nogo": "#e2d3b8",
-    "shoal": "#a9c8ae",
-    "hazard": "#7a1f1f",
-    "soft": "#6b7078",
-    "restricted": "#8e24aa",
-    "traffic": "#00796b",
-    "shut": "#b3261e",
-    "haven": "#1b5e20",
-    "covered": "#43a047",
-    "unsettled": "#ffb300",
-    "uncovered": "#e00070",
-    "narrow": "#2400ff",
-    "adrift": "#b58900",
-    "grid": "#c3d0d9",
-    "ink": "#26323c",
-    "frame": "#5c6b77",
-    "halo": "#fdfefe",
-    "best": "#c2185b",
-    "other": "#47588a",
-    "speed0": "#a9c6d9",
-    "speed1": "#7dacce",
-    "speed2": "#4a8fbe",
-    "speed3": "#2070a6",
-    "speed4": "#0b4878",
-}
-"""Role -> colour on a light background; each role has a colour of its own."""
+_TABLE = Path(__file__).with_name("colours.toml")
+_ROLES: dict[str, list[str]] = tomllib.loads(_TABLE.read_text(encoding="utf-8"))
+COLOURS, DARK = ({role: both[at] for role, both in _ROLES.items()} for at in (0, 1))
+"""Role -> colour on a light background, and on a dark one."""
 
 STATES = {
     "covered": COLOURS["covered"],
@@ -43,37 +18,6 @@ STATES = {
     "uncovered": COLOURS["uncovered"],
 }
 """State of a stretch of a route that havens may cover -> its colour on a light background."""
-
-DARK = {
-    "water": "#14222e",
-    "land": "#4a3d2a",
-    "coast": "#b39365",
-    "nogo": "#3b3a35",
-    "shoal": "#3d5a47",
-    "hazard": "#ff8a80",
-    "soft": "#a9b2bb",
-    "restricted": "#d08bf0",
-    "traffic": "#5fd0c0",
-    "shut": "#ff9488",
-    "haven": "#9be7a0",
-    "covered": "#4caf50",
-    "unsettled": "#ffd54f",
-    "uncovered": "#ff4fa3",
-    "narrow": "#7c8cff",
-    "adrift": "#e6c04d",
-    "grid": "#2c3e4c",
-    "ink": "#dbe4eb",
-    "frame": "#7f909d",
-    "halo": "#10171d",
-    "best": "#ff6a9e",
-    "other": "#9db0e0",
-    "speed0": "#2f536b",
-    "speed1": "#3b7596",
-    "speed2": "#4f9cc2",
-    "speed3": "#7cc2e4",
-    "speed4": "#bfe6fb",
-}
-"""Role -> colour on a dark background."""
 
 SEASON_COLOURS = ("#9d3c0e", "#4a148c", "#111111", "#1c52c0", "#651e07", "#6a526d")
 """Colours of cases on a light background, in the scenario's order; of a single case's sides."""

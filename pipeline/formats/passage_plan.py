@@ -12,13 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import (
-    RunCase,
-    RunResult,
-    has_all_depths,
-    narrow_notes,
-    sea_notes,
-)
+from pipeline.findings.result import RunCase, RunResult, has_all_depths, narrow_notes, sea_notes
 from pipeline.findings.text import (
     capitalised,
     duration,
@@ -28,33 +22,12 @@ from pipeline.findings.text import (
     to_minute,
     turns_text,
 )
+from pipeline.formats import tables
 from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.figures.chart_map import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
+from pipeline.formats.passage import waypoints
 from pipeline.formats.passage.missions import MAX_VERTICES, autopilot
-from pipeline.formats.passage.waypoints import (
-    KNOTS_PER_M_S,
-    NAUTICAL_MILE_M,
-    Waypoints,
-    attribution,
-    case_waypoints,
-    document_title,
-    limits_text,
-    route_name,
-    time_after,
-    vessel_name,
-)
-from pipeline.formats.tables import (
-    PRINTED,
-    distance_text,
-    has_speeds,
-    haven_facts,
-    leg_headings,
-    printed_rows,
-    rows,
-    tightest_place,
-    tightest_text,
-)
 
 # Width of a page, A4 landscape, points.
 _WIDTH = 841.9
@@ -111,16 +84,16 @@ def write_passage_plan(result: RunResult, path: Path) -> None:
 
 def _case_pages(case: RunCase) -> Iterator[Figure]:
     """Yield the pages of a case: facts, map and table first, then the rest of the table."""
-    result, points = case.run, case_waypoints(case)[0]
-    table = rows(points, case.spec.departure)
-    caveats = limits_text(points.ranked)
+    result, points = case.run, waypoints.case_waypoints(case)[0]
+    table = tables.rows(points, case.spec.departure)
+    caveats = waypoints.limits_text(points.ranked)
     relied_on = note_texts([note for note in result.fetched.notes if note.kind == "tide-relied-on"])
     facts = _wrapped(_facts(points), _BESIDE_MAP)
     texts = [
         f"Mind: {caveats}" if caveats else "",
         f"Tide: {'; '.join(relied_on)}." if relied_on else "",
         " ".join(_autopilot_texts(case)),
-        f"Sources: {attribution(result)}.",
+        f"Sources: {waypoints.attribution(result)}.",
         "Not for navigation without the official charts and the navigator's own judgement.",
     ]
     notes = _wrapped(texts, _WIDE)
@@ -132,7 +105,9 @@ def _case_pages(case: RunCase) -> Iterator[Figure]:
         if number == 1:
             _paragraphs(page, facts, top)
             _put_map(page, points, top + 6)
-        end = _put_table(page, leg_headings(points), _COLUMNS, part, below if number == 1 else top)
+        end = _put_table(
+            page, tables.leg_headings(points), _COLUMNS, part, below if number == 1 else top
+        )
         if number == len(pages):
             _paragraphs(page, notes, end - _NOTES_GAP_PT, size=_SMALL)
         yield page
@@ -140,12 +115,12 @@ def _case_pages(case: RunCase) -> Iterator[Figure]:
 
 def _haven_pages(case: RunCase) -> Iterator[Figure]:
     """Yield the pages of a case's ways to havens: what is covered, where and when to turn off."""
-    points = case_waypoints(case)[0]
-    facts = _wrapped(haven_facts(case), _WIDE)
+    points = waypoints.case_waypoints(case)[0]
+    facts = _wrapped(tables.haven_facts(case), _WIDE)
     top = _HEIGHT - _MARGIN - 30
     below = top - _height(facts) - _NOTES_GAP_PT
-    pages = list(_paged(printed_rows(case), below, top, 0.0))
-    headings = PRINTED | ({} if points.ranked.metrics.energy else {"fuel": ""})
+    pages = list(_paged(tables.printed_rows(case), below, top, 0.0))
+    headings = tables.PRINTED | ({} if points.ranked.metrics.energy else {"fuel": ""})
     for number, part in enumerate(pages, start=1):
         page = _page(points, f"ways to havens, page {number} of {len(pages)}")
         if number == 1:
@@ -170,35 +145,37 @@ def _paged(
         table, first_top = table[count:], top
 
 
-def _page(points: Waypoints, number: str) -> Figure:
+def _page(points: waypoints.Waypoints, number: str) -> Figure:
     """Start a page with its title and foot."""
     page = Figure(figsize=(_WIDTH / 72, _HEIGHT / 72))
-    title = f"Passage plan: {document_title(points.ranked.case)}"
+    title = f"Passage plan: {waypoints.document_title(points.ranked.case)}"
     _write(page, drawable(title, 90), (_MARGIN, _HEIGHT - _MARGIN - 6), _LARGE, bold=True)
     created = points.ranked.case.run.created
-    foot = f"{route_name(points.ranked)} · made {created:%Y-%m-%d %H:%M} UTC"
+    foot = f"{waypoints.route_name(points.ranked)} · made {created:%Y-%m-%d %H:%M} UTC"
     _write(page, drawable(foot, 120), (_MARGIN, _FOOT), _SMALL)
     _write(page, number, (_WIDTH - _MARGIN, _FOOT), _SMALL, right=True)
     return page
 
 
-def _facts(points: Waypoints) -> list[str]:
+def _facts(points: waypoints.Waypoints) -> list[str]:
     """Return facts of the route, a paragraph each."""
     case = points.ranked.case
     planned, sailed, vessel = points.ranked.metrics, points.metrics, case.scenario.vessel
-    knots = speed_over_ground(sailed) * KNOTS_PER_M_S
-    speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S
+    knots = speed_over_ground(sailed) * waypoints.KNOTS_PER_M_S
+    speeds = points.through_water_m_s[:-1] * waypoints.KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"
-    if has_speeds(points):
+    if tables.has_speeds(points):
         through = f"{' to '.join(speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
     turn_rate = f"{vessel.turn_rate_deg_s:.3g}°"
-    length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
-    ship = ", ".join(filter(None, (vessel_name(case.scenario), f"{vessel.length_m:g} m long")))
+    length, no_go = sailed.length_m / waypoints.NAUTICAL_MILE_M, planned.no_go_name
+    ship = ", ".join(
+        filter(None, (waypoints.vessel_name(case.scenario), f"{vessel.length_m:g} m long"))
+    )
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
-    least = distance_text(planned.clearance_m)
+    least = tables.distance_text(planned.clearance_m)
     gap = f"Optimality gap: {case.gap_figure(planned)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
-    tightest = tightest_place(points.ranked)
+    tightest = tables.tightest_place(points.ranked)
     return [
         f"Vessel: {ship}; {through} through the water, turns at {turn_rate} a second.",
         f"Way: {way}, {passage}.",
@@ -209,7 +186,7 @@ def _facts(points: Waypoints) -> list[str]:
             for notes in (narrow_notes, sea_notes)
             for line in note_texts(notes(points.ranked))
         ),
-        tightest_text(case.case, tightest) if tightest else "",
+        tables.tightest_text(case.case, tightest) if tightest else "",
         _current_text(case),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
         _scale_text(case.scenario.scale),
@@ -258,15 +235,15 @@ def _autopilot_texts(case: RunCase) -> Iterator[str]:
         )
 
 
-def _times_text(points: Waypoints) -> str:
+def _times_text(points: waypoints.Waypoints) -> str:
     """Say when the vessel leaves and arrives, and how long the planned path takes."""
     planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
     case = points.ranked.case
     spec = case.spec
     texts = ["Times are since departure: none was given."]
     if spec.departure is not None:
-        arrival = time_after(spec.departure, sailed_s)
-        leaves = moment_text(time_after(spec.departure, 0))
+        arrival = waypoints.time_after(spec.departure, sailed_s)
+        leaves = moment_text(waypoints.time_after(spec.departure, 0))
         texts = [f"Departure {leaves}, arrival {moment_text(arrival)}."]
         choice = case.departure_choice
         by = spec.arrive_by if choice is None else choice.arrive_by
@@ -310,7 +287,7 @@ def _put_table(
     return level
 
 
-def _put_map(page: Figure, points: Waypoints, top: float) -> None:
+def _put_map(page: Figure, points: waypoints.Waypoints, top: float) -> None:
     """Draw the route with its waypoints' numbers over the land, in the upper right corner."""
     case, (width, height) = points.ranked.case, _MAP_PT
     result, colour = case.run, season_colour(case.number)

@@ -210,10 +210,7 @@ _TIME = {
 def write_currents(case: RunCase, path: Path) -> None:
     """Write the current of a case that has a grid to a new file at `path`.
 
-    Raises
-    ------
-    OSError
-        The file can't be written.
+    Raises OSError if the file can't be written.
     """
     import netCDF4
 
@@ -448,21 +445,11 @@ def _axes_mdeg(grid: CurrentGrid) -> tuple[IndexArray, IndexArray]:
 
 
 def _message(
-    product: bytes,
-    lon_mdeg: IndexArray,
-    lat_mdeg: IndexArray,
-    values: FloatArray,
-    known: BoolArray,
+    product: bytes, lon_mdeg: IndexArray, lat_mdeg: IndexArray, values: FloatArray, known: BoolArray
 ) -> bytes:
     """Encode a component (ny, nx), m/s, whose values are known at some nodes."""
     sections = b"".join(
-        [
-            product,
-            _grid_section(lon_mdeg, lat_mdeg),
-            _bitmap(known),
-            _data(values[known]),
-            b"7777",
-        ]
+        [product, _grid_section(lon_mdeg, lat_mdeg), _bitmap(known), _data(values[known]), b"7777"]
     )
     return b"GRIB" + _whole(8 + len(sections), 3) + b"\1" + sections
 

@@ -3,6 +3,7 @@
 import csv
 import itertools
 import math
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,22 +13,10 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
-from pipeline.findings.choices import (
-    ENSEMBLE_COLUMNS,
-    ENSEMBLE_FIGURES,
-    ensemble_figures,
-    ensemble_rows,
-    trade_offs,
-)
+from pipeline.findings import choices, route_profile
 from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
 from pipeline.findings.names import figure_columns, figures, used
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
-from pipeline.findings.route_profile import (
-    closest_approach,
-    coast_edges,
-    cumulative,
-    steps_along_legs,
-)
 from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
 from pipeline.formats.figures.chart_map import drawable
 from pipeline.formats.passage.safe_corridor import tracks
@@ -86,9 +75,9 @@ def write_metrics(result: RunResult, path: Path) -> None:
         cells |= dict(zip(_PASSAGE, passage, strict=False))
         ensemble = case.result.ensemble
         if ensemble is not None and ranked.rank == 1:
-            cells |= ensemble_figures(ensemble, [one.metrics for one in case.routes])
+            cells |= choices.ensemble_figures(ensemble, [one.metrics for one in case.routes])
         rows.append(cells)
-    columns = ["season", *figure_columns("csv"), *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
+    columns = ["season", *figure_columns("csv"), *choices.ENSEMBLE_FIGURES, *_PASSAGE, "current"]
     write_csv(path, columns, rows)
 
 
@@ -134,7 +123,7 @@ def _departure_rows(result: RunResult) -> Iterator[dict[str, Any]]:
 
 def _trade_off_rows(result: RunResult) -> Iterator[dict[str, Any]]:
     """Yield a row for each arrival, ascending for each case; the chosen one is among them."""
-    for found in trade_offs(result):
+    for found in choices.trade_offs(result):
         at = int(np.searchsorted(found.durations_s, found.duration_s))
         durations = np.insert(found.durations_s, at, found.duration_s).tolist()
         fuels = np.insert(found.fuels, at, found.fuel).tolist()
@@ -167,22 +156,8 @@ _ERROR_M = 5.0
 _NO_CURRENT_KN = 0.05
 
 
-_LEGS = {
-    "name": "Waypoint",
-    "latitude": "Latitude",
-    "longitude": "Longitude",
-    "course": "Course\n° true",
-    "leg_nm": "Leg\nNM",
-    "to_go_nm": "To go\nNM",
-    "speed_kn": "Speed over\nground, kn",
-    "passed": "Passed",
-    "left": "Left\n{}",
-    "limits_m": "Limits, m\nport / stbd",
-    "current": "Current on leg\nto ° true, kn",
-    "clearance": "Least\nclearance",
-    "water": "Water under\nkeel, m",
-    "nearest_land": "from where on the leg",
-}
+_HEADS = tomllib.loads(Path(__file__).with_name("printed.toml").read_text(encoding="utf-8"))
+_LEGS: dict[str, str] = _HEADS["legs"]
 
 
 def leg_headings(points: Waypoints) -> dict[str, str]:
@@ -210,7 +185,7 @@ def rows(points: Waypoints, departure: datetime | None) -> list[dict[str, str]]:
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, case.projection, _ERROR_M)
     line, ends = drawn.chain
-    times = cumulative(steps_along_legs(line, points.ranked).planner_s)
+    times = route_profile.cumulative(route_profile.steps_along_legs(line, points.ranked).planner_s)
     currents = _currents(line, ends, times, case)
     water = _least_water(line, ends, times, case)
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
@@ -291,7 +266,9 @@ def _currents(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -
 
 def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
     """Return the least clearance of a leg from the original land, and the point where it is."""
-    closest = closest_approach(coast_edges(water.land), line, water.projection)
+    closest = route_profile.closest_approach(
+        route_profile.coast_edges(water.land), line, water.projection
+    )
     if closest is None:
         return {"clearance": "no land"}
     longitude, latitude = water.projection.to_lonlat(closest[0])
@@ -365,7 +342,7 @@ def _haven_cells(result: RunResult) -> Iterator[dict[str, Any]]:
 
 _TABLES: dict[str, tuple[Sequence[str], Callable[[RunResult], Iterator[dict[str, Any]]]]] = {
     "departures.csv": (DEPARTURE_COLUMNS, _departure_rows),
-    "ensemble.csv": (ENSEMBLE_COLUMNS, ensemble_rows),
+    "ensemble.csv": (choices.ENSEMBLE_COLUMNS, choices.ensemble_rows),
     "havens.csv": (HAVEN_COLUMNS, _haven_cells),
     "trade-off.csv": (TRADE_OFF_COLUMNS, _trade_off_rows),
 }
@@ -377,20 +354,7 @@ def write_table(result: RunResult, path: Path) -> None:
     write_csv(path, columns, rows(result))
 
 
-PRINTED = {
-    "kind": "State",
-    "begin": "From",
-    "end": "Until, or\ntoo late after",
-    "haven": "Haven",
-    "turn_off": "Turn off",
-    "latitude": "Latitude",
-    "longitude": "Longitude",
-    "bearing": "Bearing\n° true",
-    "length": "Length\nNM",
-    "takes": "Time to\nhaven",
-    "longest": "At most,\nin all",
-    "fuel": "Fuel",
-}
+PRINTED: dict[str, str] = _HEADS["havens"]
 """Columns of the printed table, with their headings."""
 
 

@@ -90,19 +90,14 @@ class Projection:
     ) -> "Projection":
         """Choose the projection for a region.
 
+        Raises RequestError if the region is not on the globe; the CRS is unknown, not projected, or
+        not conformal.
+
         Parameters
         ----------
-        region
-            Lon/lat degrees, continuous across 180 (170 to 190, not 170 to -170).
-        scale
-            True metres per planar metre.
-        crs
-            A conformal projected CRS to use instead (an EPSG code, PROJ string or WKT).
-
-        Raises
-        ------
-        RequestError
-            The region is not on the globe; the CRS is unknown, not projected, or not conformal.
+        region : lon/lat degrees, continuous across 180 (170 to 190, not 170 to -170).
+        scale : true metres per planar metre.
+        crs : a conformal projected CRS to use instead (an EPSG code, PROJ string or WKT).
         """
         west, south, east, north = region.bounds
         if region.is_empty or not (-90 <= south <= north <= 90 and east - west <= 360):

@@ -125,12 +125,8 @@ def refuse_unfit_workers(client: "Client", address: str, path: Path) -> None:
 def make(task: WorkerTask, identity: str, limit_s: float) -> Any:  # noqa: ANN401 - as `WorkerTask.make`
     """Do a task on a Dask worker; with a time limit, in a process that is killed after it.
 
-    Raises
-    ------
-    StageError
-        The job has another code identity.
-    WorkerEndedError
-        The process with the time limit has ended.
+    Raises StageError if the job has another code identity; WorkerEndedError if the process with the
+    time limit has ended.
     """
     if own_identity() != identity:
         raise StageError(f"a Dask worker runs {_OTHER_VERSION}")
@@ -143,19 +139,13 @@ def make(task: WorkerTask, identity: str, limit_s: float) -> Any:  # noqa: ANN40
 def fleet(address: str, shared: Path, limit_s: float = math.inf) -> "Iterator[Fleet]":
     """Connect to a scheduler, and yield its workers.
 
+    Raises StageError if the scheduler can't be reached or has no workers, or a worker can't plan.
+
     Parameters
     ----------
-    address
-        The scheduler's address.
-    shared
-        A file that all workers must be able to read.
-    limit_s
-        Time limit of a task, s.
-
-    Raises
-    ------
-    StageError
-        The scheduler can't be reached or has no workers, or a worker can't plan.
+    address : the scheduler's address.
+    shared : a file that all workers must be able to read.
+    limit_s : time limit of a task, s.
     """
     with quiet(), _client(address) as client:
         connected = Fleet(address, client, limit_s)
@@ -176,10 +166,7 @@ class Fleet:
     def run(self, work: Work, check: Callable[[], None] = lambda: None) -> None:
         """Hand out all tasks; `check` is called regularly, and may end the work with an error.
 
-        Raises
-        ------
-        StageError
-            The scheduler has died, or has had no workers for _WORKERS_S.
+        Raises StageError if the scheduler has died, or has had no workers for _WORKERS_S.
         """
         at_work: dict[Future[Any], WorkerTask] = {}
         identity = own_identity()

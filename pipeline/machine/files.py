@@ -48,16 +48,12 @@ def writing(folder: Path) -> contextlib.AbstractContextManager[None]:
 def whole_file(path: Path, owner: str = "") -> Iterator[IO[bytes]]:
     """Provide a new file to write; if the block ends without error, it is renamed to the path.
 
+    Raises OSError if the disk refuses; an earlier file at the path is unchanged.
+
     Parameters
     ----------
-    owner
-        Prefix of the unfinished file's name, by which leftovers of a killed process are found; by
-        default the file's own name.
-
-    Raises
-    ------
-    OSError
-        The disk refuses; an earlier file at the path is unchanged.
+    owner : prefix of the unfinished file's name, by which leftovers of a killed process are found;
+        by default the file's own name.
     """
     fresh = path.with_name(f".{owner or path.name}.{secrets.token_hex(8)}{UNFINISHED}")
     try:
@@ -107,12 +103,8 @@ _MAX_VANISHED = 20
 def file_lock(path: Path, *, shared: bool = False, wait_s: float = 0.0) -> Iterator[bool]:
     """Hold a lock on a file, created if needed; yield False if another process holds it.
 
-    A process with the exclusive lock may remove the file: others then lock a new one.
-
-    Raises
-    ------
-    OSError
-        The file can't be made or locked.
+    A process with the exclusive lock may remove the file: others then lock a new one. Raises
+    OSError if the file can't be made or locked.
     """
     descriptor = _acquire(path, fcntl.LOCK_SH if shared else fcntl.LOCK_EX, wait_s)
     try:
@@ -167,17 +159,13 @@ _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 def replacing(directory: Path, results: Callable[[], Collection[str]]) -> Iterator[Path]:
     """Provide an empty folder to fill; if the block ends without error, it replaces a directory.
 
+    Raises OSError if the disk refuses; the directory is unchanged.
+
     Parameters
     ----------
-    directory
-        The folder of results, as its readers name it.
-    results
-        Returns the names of the earlier results in it: they are dropped, other files are kept.
-
-    Raises
-    ------
-    OSError
-        The disk refuses; the directory is unchanged.
+    directory : the folder of results, as its readers name it.
+    results : returns the names of the earlier results in it: they are dropped, other files are
+        kept.
     """
     remove_leftovers(directory)
     hidden = _hidden_folder(directory)

@@ -76,10 +76,7 @@ def packed_reason(path: Path) -> str:
 def require_readable(paths: Iterable[Path], key: str) -> None:
     """Refuse paths other than readable files and folders; `key` says who names them.
 
-    Raises
-    ------
-    RequestError
-        One line for each of them.
+    Raises RequestError with a line for each of them.
     """
     faults = [f"{key}: {shown(path)} {why}" for path in paths if (why := unreadable_reason(path))]
     if faults:
@@ -89,12 +86,8 @@ def require_readable(paths: Iterable[Path], key: str) -> None:
 def expanded(path: str | Path, key: str) -> Path:
     """Make a path absolute, with the home folder in place of a ~ at its beginning.
 
-    Raises
-    ------
-    RequestError
-        The path is invalid, or there is no such home folder; `key` is the key or option.
-    StageError
-        The path is relative, and the working directory was removed.
+    Raises RequestError if the path is invalid, or there is no such home folder; `key` is the key or
+    option; StageError if the path is relative, and the working directory was removed.
     """
     name = os.fspath(path)
     if reason := unusable_reason(name):
@@ -111,13 +104,7 @@ def resolved(path: str | Path, key: str) -> Path:
 
 
 def working_directory() -> Path:
-    """Return the working directory.
-
-    Raises
-    ------
-    StageError
-        It was removed.
-    """
+    """Return the working directory; StageError if it was removed."""
     try:
         return Path.cwd()
     except OSError as error:
@@ -129,10 +116,7 @@ def working_directory() -> Path:
 def folder_to_write(path: Path, key: str) -> Path:
     """Return a folder to write to as an absolute path, whether it exists or not.
 
-    Raises
-    ------
-    RequestError
-        No folder can be there; `key` says who names it.
+    Raises RequestError if no folder can be there; `key` says who names it.
     """
     path = expanded(path, key)
     try:

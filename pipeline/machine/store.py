@@ -134,10 +134,7 @@ def artefact_key(stage: str, *inputs: object) -> str:
 def save_artefact(path: Path, value: object, owner: str = "") -> None:
     """Write a value with its hash under a temporary name, and rename it.
 
-    Raises
-    ------
-    StageError
-        The disk refuses.
+    Raises StageError if the disk refuses.
     """
     remedy = "free some space, or choose another folder with --output"
     with needed(f"can't write {path.name} in {path.parent}", remedy):
@@ -222,14 +219,11 @@ def prune(
 
     Parameters
     ----------
-    root
-        The store's folder.
-    max_bytes
-        Size that may remain; files used longest ago are removed first.
-    used_before
-        All files last used before this time (s since 1970) are removed.
-    keep_since
-        All files used after this time (s since 1970) stay, whatever their size; 0 for no limit.
+    root : the store's folder.
+    max_bytes : size that may remain; files used longest ago are removed first.
+    used_before : all files last used before this time (s since 1970) are removed.
+    keep_since : all files used after this time (s since 1970) stay, whatever their size; 0 for no
+        limit.
     """
     remove_unfinished(root)
     items = sorted(_items(root))
@@ -335,10 +329,7 @@ _ALLOWED = {
 def values_from(content: bytes) -> object:
     """Return the value of a pickle.
 
-    Raises
-    ------
-    pickle.UnpicklingError
-        It names anything but a class or constructor of values.
+    Raises pickle.UnpicklingError if it names anything but a class or constructor of values.
     """
     return _ValueUnpickler(io.BytesIO(content)).load()
 

@@ -68,10 +68,8 @@ class Worker:
 
     Parameters
     ----------
-    data_bytes
-        Size of the process's data above which it gets no more memory; 0: no limit.
-    variables
-        Environment variables of the process, beside those of this one.
+    data_bytes : size of the process's data above which it gets no more memory; 0: no limit.
+    variables : environment variables of the process, beside those of this one.
     """
 
     def __init__(self, data_bytes: int = 0, variables: Mapping[str, str] | None = None) -> None:
@@ -113,10 +111,7 @@ class Worker:
     def call(self, function: Callable[..., object], *arguments: object) -> None:
         """Have a function called after those before it; start the process unless it runs.
 
-        Raises
-        ------
-        StageError
-            The system can't start a process.
+        Raises StageError if the system can't start a process.
         """
         if not self.is_running:
             self._start()
@@ -126,10 +121,7 @@ class Worker:
     def answer(self) -> tuple[AnswerKind, Any]:
         """Wait for the next answer: what a call has told, or has returned or raised at its end.
 
-        Raises
-        ------
-        WorkerEndedError
-            The process has ended.
+        Raises WorkerEndedError if the process has ended.
         """
         try:
             kind, value = self.pipe.recv()
@@ -140,10 +132,7 @@ class Worker:
     def result(self, limit_s: float = math.inf) -> Any:  # noqa: ANN401 - that of any function
         """Wait for what the call returns, and return it, or raise its error.
 
-        Raises
-        ------
-        WorkerEndedError
-            The process has ended, or was killed at the limit.
+        Raises WorkerEndedError if the process has ended, or was killed at the limit.
         """
         deadline = time.monotonic() + limit_s
         while self.pipe.poll(
@@ -221,10 +210,7 @@ def call_in_process(
 ) -> Any:  # noqa: ANN401 - that of any function
     """Call a function in a process of its own; return what it returns, or raise its error.
 
-    Raises
-    ------
-    WorkerEndedError
-        The process ended, or was killed after the limit.
+    Raises WorkerEndedError if the process ended, or was killed after the limit.
     """
     with Worker() as worker:
         worker.call(function, *arguments)
@@ -267,14 +253,10 @@ class LocalWorkers:
 
     Parameters
     ----------
-    count
-        Number of processes.
-    limit_s
-        Time limit of a task, s; after it its process is killed.
-    resident_bytes
-        Memory of a process above which it is killed; 0: no limit.
-    variables
-        As those of `Worker`.
+    count : number of processes.
+    limit_s : time limit of a task, s; after it its process is killed.
+    resident_bytes : memory of a process above which it is killed; 0: no limit.
+    variables : as those of `Worker`.
     """
 
     def __init__(

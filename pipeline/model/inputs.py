@@ -6,6 +6,7 @@ words are made from these elsewhere.
 
 import hashlib
 import math
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -135,46 +136,11 @@ class Note:
         return replace(self, cases=cases)
 
 
-DECIDED = frozenset(
-    {
-        "accuracy-assumed",
-        "areas-repaired",
-        "as-read",
-        "climatology-stands-in",
-        "current-at-depth",
-        "current-gaps-filled",
-        "current-means-lack",
-        "current-on-table",
-        "current-over-depth",
-        "current-stands-in",
-        "forecasts-overlap",
-        "joined-at-180",
-        "level-assumed",
-        "level-by-name",
-        "margin-narrowed",
-        "over-limit",
-        "pair-taken",
-        "steps-read",
-        "still-water",
-        "stop-moved",
-        "time-assumed",
-        "unit-assumed",
-        "waits-for-water",
-        "zeros-are-land",
-    }
+KINDS: dict[str, list[str]] = tomllib.loads(
+    Path(__file__).with_name("notes.toml").read_text(encoding="utf-8")
 )
-"""Kinds of notes on choices that a name, an order or a default made, not the user or the data.
-
-They stand directly below the answer, and in every output that has a place for them.
-"""
-
-NOT_KNOWN = frozenset(
-    {
-        *("against-lane", "canal-left-out", "energy-short", "limits-unchecked"),
-        *("narrow-stretch", "strait-unresolved", "streams-weak"),
-    }
-)
-"""Kinds of notes with which stages report what is not known."""
+"""Kinds of notes by their group."""
+DECIDED, NOT_KNOWN = frozenset(KINDS["decided"]), frozenset(KINDS["unknown"])
 
 Say = Callable[[Note], None]
 """Reports a note while a stage is at work."""
@@ -535,35 +501,23 @@ class CurrentSource(Protocol):
     def issue(self, case: Season) -> Issue:
         """Return which issue of the data there is now.
 
-        Raises
-        ------
-        StageError
-            The service does not say it.
-        RequestError
-            The user's own file is not there, or invalid.
+        Raises StageError if the service does not say it; RequestError if the user's own file is not
+        there, or invalid.
         """
         ...
 
     def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the current on the source's own grid.
 
+        Raises StageError if the data could not be downloaded, or failed the acceptance check;
+        RequestError if the user's own file is invalid.
+
         Parameters
         ----------
-        region
-            Lon/lat degrees.
-        case
-            The period, and how its field is made of time steps.
-        land
-            Land near the region, against which gaps in the data are checked.
-        folder
-            Where downloads are cached.
-
-        Raises
-        ------
-        StageError
-            The data could not be downloaded, or failed the acceptance check.
-        RequestError
-            The user's own file is invalid.
+        region : lon/lat degrees.
+        case : the period, and how its field is made of time steps.
+        land : land near the region, against which gaps in the data are checked.
+        folder : where downloads are cached.
         """
         ...
 

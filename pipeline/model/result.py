@@ -53,39 +53,17 @@ def _alike(passages: Iterable[Passage]) -> Iterator[tuple[Side, list[Passage]]]:
 
 @dataclass(frozen=True, slots=True)
 class RouteMetrics:
-    """One route's figures, measured against the original land.
+    """One route's figures, measured against the original land, as `columns.toml` describes them.
+
+    What a table leaves empty is None or NaN; infinite are the clearance where there is no land, and
+    the time adrift where none is reached within 72 h.
 
     Attributes
     ----------
-    fuel, fuel_per_distance, length : in the planner's units, at the scenario's scale.
     still_fuel : fuel of the same way in still water; where speeds are chosen, at its mean speed.
     energy : what a unit of fuel is; None where the vessel's power is not known.
-    length_m : geodesic length, true metres.
-    clearance_m : least distance to the original land, true metres; inf where there is none.
-    duration_s : seconds at true scale.
-    speed_m_s : mean speed through water, over time.
-    trials, collisions : simulated hard-over turns, and how many touch the original land.
-    land_m : metres of the route over original land.
     passages : how it passes the islands that distinguish it from the case's other routes: the
         main island first, then the others in their order on the way.
-    land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
-    filled_share : share of its length in cells where the current's source has no figure.
-    uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
-    adrift_s, adrift_lon, adrift_lat : least time until it drifts ashore if the thrust is lost, s,
-        and from where, degrees; infinite where that takes more than 72 h.
-    adrift_share, ashore_share : share of its length from which that takes less than 6 h, and less
-        than 72 h; NaN in a plane, where it is not looked at.
-    least_water_m, least_water_at : least water under the keel that can be relied on with the tide,
-        m, and when it passes there; NaN and None without a tide.
-    least_water_early_m, least_water_late_m : least water of a vessel that is early or late, m.
-    worst_wave_m, worst_wave_at, worst_wave_lon, worst_wave_lat, wave_headroom_m : greatest wave
-        height on time, m, when and where (degrees), and what is left to the limit, m; NaN and None
-        without a limit. The same of the wind, m/s.
-    members_share : share of the members of the current in which it is the case's best.
-    members_mean_fuel, members_p90_fuel, members_cvar90_fuel, members_regret : mean, P90, mean of
-        the worst tenth, and largest excess over a member's best route, of its fuel over the
-        members; NaN without members, and where it can't be sailed in too many of them.
-    members_adrift_share : its `adrift_share` in the mean of the members.
     """
 
     rank: int
@@ -131,6 +109,7 @@ class RouteMetrics:
     members_cvar90_fuel: float = math.nan
     members_regret: float = math.nan
     members_adrift_share: float = math.nan
+    members_over_limit_share: float = math.nan
     still_fuel: float = math.nan
     energy: Energy | None = None
 

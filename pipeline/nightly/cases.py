@@ -295,16 +295,12 @@ def request_hash(config: NightConfig, blocks: Iterable[Block]) -> str:
 def expand(config: NightConfig, *, only: str | None = None) -> list[Block]:
     """Return the cases of a night, a block for each [[cases]] table.
 
+    Raises RequestError if the file has unknown scenarios, vessels, seasons or cases, faulty pairs,
+    or too many cases; one line each.
+
     Parameters
     ----------
-    only
-        A case's name, or its first parts: only matching cases are planned.
-
-    Raises
-    ------
-    RequestError
-        The file has unknown scenarios, vessels, seasons or cases, faulty pairs, or too many cases;
-        one line each.
+    only : a case's name, or its first parts: only matching cases are planned.
     """
     faults: list[str] = []
     blocks = [
@@ -440,8 +436,7 @@ def _seasons(spec: CaseSpec, scenario: Scenario, refuse: _Refuse) -> tuple[Seaso
     for name in asked:
         if name not in known:
             refuse(
-                where,
-                f"{name!r} is no season of {scenario.name}; there are: {', '.join(known)}",
+                where, f"{name!r} is no season of {scenario.name}; there are: {', '.join(known)}"
             )
         elif known[name].speed is not None:
             refuse(

@@ -11,18 +11,8 @@ from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field
 
 from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
-from pipeline.scenario import catalogue
+from pipeline.scenario import catalogue, strict
 from pipeline.scenario.season import Count, Interval, interval
-from pipeline.scenario.strict import (
-    Integer,
-    NonNegative,
-    Number,
-    PathAsGiven,
-    Positive,
-    RemediedError,
-    StrictModel,
-    validated,
-)
 
 _TIME = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\dZ", re.ASCII)
 _DAY = timedelta(days=1)
@@ -39,20 +29,16 @@ _KEY = re.compile(r"^\s*([\w\-]+)\s*=")
 def _time_of_day(text: str) -> str:
     """Return the text, or raise ValueError if it is not a time of day in UTC."""
     if not _TIME.fullmatch(text):
-        raise RemediedError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
+        raise strict.RemediedError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
     return text
 
 
-class DepartureSpec(StrictModel):
+class DepartureSpec(strict.StrictModel):
     """`count` departures, the first at `first`, with the interval `every` between them."""
 
     first: Annotated[str, AfterValidator(_time_of_day)]
-    """First departure: the first such time at or after the reference time of the currents. Give a
-    time of day in UTC, as '06:00Z'."""
     every: Interval = "1d"
-    """Time from one departure to the next. Give '30min', '6h' or '1d'."""
     count: Count = 1
-    """Number of departures. Give a whole number from 1 to 10,000."""
 
     def departures(self) -> "tuple[Departure, ...]":
         """Return all departures."""
@@ -106,77 +92,42 @@ def _located(lines: Mapping[str, int], fault: Fault, file: str) -> Fault:
     return Fault(f"line {lines.get(place, 1)}: {before}{fault.place}", after, f"{file}, ")
 
 
-class CaseSpec(StrictModel):
+class CaseSpec(strict.StrictModel):
     """One [[cases]] table: a scenario, and the lists whose combinations are its cases."""
 
-    scenario: PathAsGiven
-    """The scenario: its chart, currents and planner. Give a name of the catalogue (`renew list`),
-    or the path of a file."""
+    scenario: strict.PathAsGiven
     seasons: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    """Seasons of the scenario to plan; by default all. Give a list of their names."""
-    pairs: PathAsGiven | None = None
-    """CSV file of start–goal pairs; by default the scenario's own. Give its path."""
+    pairs: strict.PathAsGiven | None = None
     vessels: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    """Vessels of the catalogue; by default the scenario's own. Give a list of their names."""
     departures: DepartureSpec | None = None
-    """Departures, each planned with the currents at its time; by default each season's own time.
-    Give a table as { first = '06:00Z', every = '6h', count = 4 }."""
     members: Annotated[_MEMBERS, Field(min_length=1)] | None = None
-    """Files of currents, each a member of an ensemble, in place of the scenario's. Give a path or a
-    pattern, as 'currents/*.nc'."""
     currents: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    """Sources of currents in place of the scenario's, in order of preference. Give a list of names
-    of the catalogue, or of files."""
 
 
-class VoyageSpec(StrictModel):
+class VoyageSpec(strict.StrictModel):
     """One [[voyages]] table: a vessel under way, whose voyage is planned again every night."""
 
-    results: PathAsGiven
-    """Folder of the results with the plan that the vessel sails. Give the path of the folder of a
-    finished run."""
-    positions: PathAsGiven
-    """File of its positions: NMEA 0183 (RMC), or JSON lines with time, lon and lat; the last one
-    counts. Give a path."""
+    results: strict.PathAsGiven
+    positions: strict.PathAsGiven
     currents: Annotated[_MEMBERS, Field(min_length=1)]
-    """Tonight's currents, as for `renew replan --currents`. Give names of the catalogue, files or a
-    pattern, as 'tonight/*.nc'."""
     season: str = ""
-    """Season of those results that the vessel sails, if several were planned. Give its name."""
     departed: AwareDatetime | None = None
-    """When the vessel left, if the plan has no departure. Give a time with its zone, as
-    2026-07-01T06:00:00Z."""
 
 
-class NightSpec(StrictModel):
+class NightSpec(strict.StrictModel):
     """The keys of a night's file."""
 
     schema_version: Literal[1] = 1
-    """Version of this format. Write schema_version = 1."""
     output: str | None = None
-    """Folder of all cycles. Give a path, from this file's folder."""
-    keep: Integer = Field(default=14, ge=1, le=100_000)
-    """Number of finished cycles that are kept. Give a whole number, 1 or more."""
-    limit_hours: Positive = Field(default=6.0, le=1000)
-    """Time limit of a night, hours; after it nothing is published, and the next run continues. Give
-    hours above 0."""
-    look_percent: NonNegative = 3.0
-    """A case that saves more than this over yesterday's route should be looked at, percent. Give a
-    percentage, 0 or more."""
-    stale_hours: Positive = 36.0
-    """All cases should be looked at if the currents are older than this, hours. Give hours above 0.
-    """
-    workers: Integer | None = Field(default=None, ge=1, le=1024)
-    """Number of worker processes of a local cluster; by default one per core. Give a whole number,
-    1 or more."""
+    keep: strict.Integer = Field(default=14, ge=1, le=100_000)
+    limit_hours: strict.Positive = Field(default=6.0, le=1000)
+    look_percent: strict.NonNegative = 3.0
+    stale_hours: strict.Positive = 36.0
+    workers: strict.Integer | None = Field(default=None, ge=1, le=1024)
     # With 0.5 GB a worker can load its libraries and plan in a plane; a chart needs more.
-    memory_gb: Annotated[Number, Field(ge=0.5)] = 2.0
-    """Memory limit of a local worker, GB; a worker that exceeds it is ended. Give GB, 0.5 or more.
-    """
+    memory_gb: Annotated[strict.Number, Field(ge=0.5)] = 2.0
     voyages: tuple[VoyageSpec, ...] = ()
-    """Vessels under way. Add a [[voyages]] table for each, or leave it out."""
     cases: tuple[CaseSpec, ...] = Field(min_length=1)
-    """What to plan. Add a [[cases]] table for each scenario."""
 
 
 @dataclass(frozen=True)
@@ -200,17 +151,12 @@ class NightConfig:
 def load_config(file: Path | None = None, output: Path | None = None) -> NightConfig:
     """Load a night's file.
 
+    Raises RequestError if the file is missing, not TOML, or invalid: one line for each fault.
+
     Parameters
     ----------
-    file
-        The file; by default the one that comes with RENEW: two scenarios, which run offline.
-    output
-        Folder of all cycles, in place of the one in the file.
-
-    Raises
-    ------
-    RequestError
-        The file is missing, not TOML, or invalid: one line for each fault.
+    file : the file; by default the one that comes with RENEW: two scenarios, which run offline.
+    output : folder of all cycles, in place of the one in the file.
     """
     path = catalogue.root() / "nightly.toml" if file is None else expanded(file, "--config")
     if reason := unreadable_reason(path):
@@ -219,7 +165,7 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
         raise RequestError(f"--config: {shown(path)} is a folder; name the TOML file in it")
     data = catalogue.read_toml(path)
     lines = _lines_of_keys(path.read_text(encoding="utf-8"))
-    spec = validated(NightSpec, data, lambda fault: _located(lines, fault, path.name))
+    spec = strict.validated(NightSpec, data, lambda fault: _located(lines, fault, path.name))
     if output is None and spec.output is not None:
         folder = folder_to_write(path.parent / spec.output, "output")
     else:

@@ -86,17 +86,13 @@ def newest_currents(
 ) -> Newest:
     """Find the available currents, and name the cycle after the newest.
 
+    Raises ComeAgainError if there are no currents yet; or some are dated in the future and the
+    clock was set back.
+
     Parameters
     ----------
-    now
-        The time of this machine's clock.
-    last_night
-        End of the last night according to this clock; None if unknown.
-
-    Raises
-    ------
-    ComeAgainError
-        There are no currents yet; or some are dated in the future and the clock was set back.
+    now : the time of this machine's clock.
+    last_night : end of the last night according to this clock; None if unknown.
     """
     members = {Path(member) for block in blocks for member in block.members if member is not None}
     fatal_files(sorted(members))  # all in one process, which is faster; the answers are cached
@@ -192,12 +188,8 @@ def _hash(texts: Iterable[str]) -> str:
 def keep_forecasts(output: Path, blocks: Iterable[Block], newest: Newest, *, prune: bool) -> None:
     """Copy tonight's files of all sources whose earlier forecasts are members.
 
-    With `prune`, the oldest forecasts go that no case asks for.
-
-    Raises
-    ------
-    StageError
-        They can't be written.
+    With `prune`, the oldest forecasts go that no case asks for. Raises StageError if they can't be
+    written.
     """
     wanted: dict[tuple[str, ...], dict[int, Season]] = {}
     for block in blocks:

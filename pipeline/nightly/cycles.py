@@ -226,11 +226,7 @@ class Partial:
         """Create the folder, or open the one of an earlier run.
 
         `request` identifies all inputs of the results: what another request has left is removed.
-
-        Raises
-        ------
-        StageError
-            Nothing can be written.
+        Raises StageError if nothing can be written.
         """
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -255,10 +251,7 @@ class Partial:
     def add(self, rows: list[Row]) -> None:
         """Keep the rows of a batch of cases, in a part named by the first case.
 
-        Raises
-        ------
-        StageError
-            The part can't be written.
+        Raises StageError if the part can't be written.
         """
         with needed(f"can't write in {self.folder}", "free some space and run again"):
             part = self.folder / _PARTS / f"{rows[0]['index']:06}.part"
@@ -320,12 +313,8 @@ def _age(path: Path) -> tuple[float, int, str]:
 def night_lock(output: Path) -> Iterator[None]:
     """Hold the lock of an output folder.
 
-    Raises
-    ------
-    BusyError
-        Another job holds the lock.
-    StageError
-        Nothing can be written in the folder.
+    Raises BusyError if another job holds the lock; StageError if nothing can be written in the
+    folder.
     """
     path = output / LOCK
     with contextlib.ExitStack() as held:

@@ -93,35 +93,21 @@ def run_night(
 ) -> NightOutcome:
     """Plan a night's cases on the newest currents, and publish them as a cycle.
 
+    Raises RequestError if the request is wrong (exit code 2); nothing was written; BusyError if
+    another job is running (exit code 4); ComeAgainError if the currents are not available yet, or
+    older than the last cycle's (exit code 5); StageError if nothing could be published (exit code
+    1); finished parts are kept for the next run.
+
     Parameters
     ----------
-    config
-        The request.
-    only
-        A case's name, or its first parts: only matching cases are planned, in `OUTPUT/only/`.
-    scheduler
-        Address of a Dask scheduler whose workers have access to the same files; default:
+    config : the request.
+    only : a case's name, or its first parts: only matching cases are planned, in `OUTPUT/only/`.
+    scheduler : address of a Dask scheduler whose workers have access to the same files; default:
         DASK_SCHEDULER_ADDRESS, or else processes of this machine.
-    on_event
-        Called with the events of every stage.
-
-    Raises
-    ------
-    RequestError
-        The request is wrong (exit code 2); nothing was written.
-    BusyError
-        Another job is running (exit code 4).
-    ComeAgainError
-        The currents are not available yet, or older than the last cycle's (exit code 5).
-    StageError
-        Nothing could be published (exit code 1); finished parts are kept for the next run.
+    on_event : called with the events of every stage.
     """
     return _Night(
-        config,
-        expand(config, only=only),
-        only,
-        scheduler,
-        on_event or (lambda _: None),
+        config, expand(config, only=only), only, scheduler, on_event or (lambda _: None)
     ).run()
 
 
@@ -182,10 +168,8 @@ class _Night:
     def _settled(self) -> NightOutcome | None:
         """Return the outcome if this cycle is published already; else None.
 
-        Raises
-        ------
-        ComeAgainError
-            The currents are older than the last cycle's, or are stale and were used before.
+        Raises ComeAgainError if the currents are older than the last cycle's, or are stale and were
+        used before.
         """
         latest, newest = self.cycles.latest, self.newest
         if base_of(latest) == base_of(newest.cycle):

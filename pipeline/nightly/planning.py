@@ -128,12 +128,8 @@ class Planning:
     def prepare(self, workers: Fleet | LocalWorkers) -> None:
         """Make all charts and currents that are not stored yet.
 
-        Raises
-        ------
-        ComeAgainError
-            No current is available yet.
-        StageError
-            No current could be prepared, for other reasons than its data.
+        Raises ComeAgainError if no current is available yet; StageError if no current could be
+        prepared, for other reasons than its data.
         """
         of_charts = dict[Path, NightCase]()
         of_currents = dict[Path, NightCase]()
@@ -300,14 +296,10 @@ class BatchWork:
 
     Parameters
     ----------
-    charts
-        The cases to plan on each chart, by its path.
-    batch
-        Returns the batch of some cases.
-    on_broken
-        Called with a case that has killed _DEATHS workers.
-    on_done
-        Called with the rows of each batch.
+    charts : the cases to plan on each chart, by its path.
+    batch : returns the batch of some cases.
+    on_broken : called with a case that has killed _DEATHS workers.
+    on_done : called with the rows of each batch.
     """
 
     charts: Mapping[Path, Iterable[NightCase]]
@@ -378,22 +370,15 @@ def night_workers(
 ) -> Iterator[Fleet | LocalWorkers]:
     """Yield the workers of a scheduler or of this machine.
 
+    Raises StageError if there are no workers, or a worker can't plan.
+
     Parameters
     ----------
-    scheduler
-        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else processes of this
-        machine.
-    workers
-        Number of local workers; default: one per core.
-    memory_gb
-        Memory limit of a local worker, GB.
-    shared
-        A file in the output folder that all workers must be able to read.
-
-    Raises
-    ------
-    StageError
-        There are no workers, or a worker can't plan.
+    scheduler : address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else processes of
+        this machine.
+    workers : number of local workers; default: one per core.
+    memory_gb : memory limit of a local worker, GB.
+    shared : a file in the output folder that all workers must be able to read.
     """
     import dask
 

@@ -33,6 +33,7 @@ from pipeline.nightly.planning import Planning
 from pipeline.nightly.records import (
     ACT,
     CASES_FILE,
+    COLUMNS,
     HISTORY_FILE,
     LOOK,
     OUTCOMES,
@@ -51,38 +52,23 @@ _NUMBER = pa.float64()
 _COUNT = pa.int64()
 
 
-def _fields(kind: pa.DataType, names: str) -> list[tuple[str, pa.DataType]]:
-    """Return columns of one type."""
-    return [(name, kind) for name in names.split()]
+_TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT, "time": _TIME}
 
 
-# Columns of both kinds of rows, cases and routes.
-_SHARED = [
-    ("index", _COUNT),
-    *_fields(_STRING, "case scenario season pair departure vessel member"),
-]
-_TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT}
+def _columns(table: str) -> list[tuple[str, pa.DataType]]:
+    """Return names and types of the columns of a table."""
+    named: list[str] = COLUMNS[table]
+    return [(name, _TYPES[kind]) for name, kind in map(str.split, named)]
+
+
 _ROUTE = [
     *((name, _TYPES[names.COLUMNS[name].type]) for name in names.figure_columns("night")),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
 ]
-_CASE = [
-    *_fields(_STRING, "status reason outcome why"),
-    ("leaves", _TIME),
-    *_fields(_STRING, "currents source stand_in"),
-    *_fields(_COUNT, "routes rejected"),
-    *_fields(_STRING, "earlier_cycle earlier_side earlier_class"),
-    ("earlier_arrival", _TIME),
-    ("keep_fuel", _NUMBER),
-    ("keep_arrival", _TIME),
-    *_fields(_NUMBER, "saving_percent apart_m members_waiting_saves members_gap"),
-    *_fields(_COUNT, "members_count members_flips"),
-    *_fields(_STRING, "members_sides members_left_out"),
-]
-CASE_SCHEMA = pa.schema([*_SHARED, *_CASE, *_ROUTE])
+CASE_SCHEMA = pa.schema([*_columns("shared"), *_columns("cases"), *_ROUTE])
 """Columns of `cases.parquet`: a case, its best route, and what changed."""
-ROUTE_SCHEMA = pa.schema([*_SHARED, ("rank", _COUNT), *_ROUTE])
+ROUTE_SCHEMA = pa.schema([*_columns("shared"), ("rank", _COUNT), *_ROUTE])
 """Columns of `routes.parquet`."""
 ROUTES_FILE = "routes.parquet"
 # https://geoparquet.org/releases/v1.1.0/; without a crs, coordinates are lon/lat (OGC:CRS84).
@@ -91,28 +77,9 @@ _GEO = {
     "primary_column": "geometry",
     "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["LineString"]}},
 }
-HISTORY_SCHEMA = pa.schema(
-    [
-        ("cycle", _STRING),
-        ("reference_time", _TIME),
-        *_fields(_STRING, "case status outcome side class"),
-        ("fuel", _NUMBER),
-        ("arrival", _TIME),
-        ("saving_percent", _NUMBER),
-    ]
-)
+HISTORY_SCHEMA = pa.schema(_columns("history"))
 """Columns of `history.parquet`: a row for each case of each cycle."""
 CHANGES_FILE = "changes.csv"
-# fmt: off
-CHANGES_COLUMNS = (
-    "case", "outcome", "why", "earlier_cycle", "earlier_side", "side", "earlier_class", "class",
-    "earlier_arrival", "keep_arrival", "arrival", "keep_fuel", "fuel", "saving_percent", "apart_m",
-    "members_count", "members_flips", "members_sides", "members_mean_fuel", "members_p90_fuel",
-    "members_cvar90_fuel", "members_regret", "members_waiting_saves", "members_gap",
-    "status", "reason",
-)
-# fmt: on
-"""Columns: `earlier_…` is of yesterday's route, `keep_…` of that route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = {
     "title": "Routes of the night",
@@ -120,7 +87,7 @@ LAYER = {
     "routes.parquet has all routes",
     "geometry_type": "LineString",
 }
-_LAYER_TEXTS = (*(name for name, _ in _SHARED if name != "index"), "side", "class")
+_LAYER_TEXTS = (*(name for name, _ in _columns("shared") if name != "index"), "side", "class")
 # Figures of a route in the layer: those of the layer of a run.
 _FIGURES = tuple(
     name
@@ -151,10 +118,10 @@ def write_changes(cases: Iterable[Row], path: Path) -> None:
     """Write the changes of a cycle; without an earlier cycle, only the header."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(CHANGES_COLUMNS)
+        writer.writerow(COLUMNS["changes"])
         for row in cases:
             if row["earlier_cycle"]:
-                writer.writerow([_spelled(row[column]) for column in CHANGES_COLUMNS])
+                writer.writerow([_spelled(row[column]) for column in COLUMNS["changes"]])
 
 
 def _spelled(value: object) -> object:
@@ -169,10 +136,7 @@ def _spelled(value: object) -> object:
 def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | None) -> None:
     """Write the layer from a cycle's routes; its date is the currents' reference time.
 
-    Raises
-    ------
-    OSError
-        The file can't be written, or is incomplete afterwards.
+    Raises OSError if the file can't be written, or is incomplete afterwards.
     """
     path.unlink(missing_ok=True)
     best: dict[tuple[int, str], Row] = {}
@@ -306,16 +270,11 @@ def page_text(
 
     Parameters
     ----------
-    newest
-        The cycle's currents.
-    cases
-        The rows of its cases.
-    notes
-        Sentences at the top of the page.
-    chart_of
-        Returns the chart of a case by its index; None if it could not be made.
-    earlier
-        Yesterday's routes by the case.
+    newest : the cycle's currents.
+    cases : the rows of its cases.
+    notes : sentences at the top of the page.
+    chart_of : returns the chart of a case by its index; None if it could not be made.
+    earlier : yesterday's routes by the case.
     """
     counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}
@@ -386,38 +345,16 @@ def _over_members(row: Row) -> Row:
 ITEM_FILE = "item.json"
 _VERSION = "1.1.0"
 _PARQUET = "application/vnd.apache.parquet"
+_SQLITE = "application/geopackage+sqlite3"
 _ASSETS = {
-    "cases": (
-        CASES_FILE,
-        _PARQUET,
-        "One row per case: its best route, and what changed",
-        ["data"],
-    ),
-    "routes": (ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
-    "geopackage": (
-        GEOPACKAGE_FILE,
-        "application/geopackage+sqlite3",
-        "The best routes, for a GIS",
-        ["data"],
-    ),
-    "changes": (
-        CHANGES_FILE,
-        "text/csv",
-        "What changed since the cycle before",
-        ["metadata"],
-    ),
-    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
-    "page": (PAGE_FILE, "text/html", "What to look at", ["overview"]),
+    "cases": (CASES_FILE, _PARQUET, "One row per case: its best route, and what changed", "data"),
+    "routes": (ROUTES_FILE, _PARQUET, "One row per route", "data"),
+    "geopackage": (GEOPACKAGE_FILE, _SQLITE, "The best routes, for a GIS", "data"),
+    "changes": (CHANGES_FILE, "text/csv", "What changed since the cycle before", "metadata"),
+    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", "metadata"),
+    "page": (PAGE_FILE, "text/html", "What to look at", "overview"),
 }
-RESULTS = (
-    CASES_FILE,
-    ROUTES_FILE,
-    GEOPACKAGE_FILE,
-    CHANGES_FILE,
-    HISTORY_FILE,
-    PAGE_FILE,
-    ITEM_FILE,
-)
+RESULTS = (*(name for name, *_ in _ASSETS.values()), ITEM_FILE)
 """The files of a cycle except `night.json`, which is written after the others are checked."""
 
 
@@ -445,8 +382,8 @@ def item_text(
         },
         "links": [{"rel": "self", "href": f"./{ITEM_FILE}", "type": "application/geo+json"}],
         "assets": {
-            key: {"href": f"./{name}", "type": kind, "title": title, "roles": roles}
-            for key, (name, kind, title, roles) in _ASSETS.items()
+            key: {"href": f"./{name}", "type": kind, "title": title, "roles": [role]}
+            for key, (name, kind, title, role) in _ASSETS.items()
         },
     }
     return json.dumps(item, indent=2) + "\n"
@@ -461,12 +398,8 @@ def write_files(
     """Write all files of a cycle into its unfinished folder.
 
     `history` is that of earlier nights; `notes` begin the cycle's page. Returns the numbers of
-    cases and the planning time, s, under their names in `night.json`.
-
-    Raises
-    ------
-    StageError
-        No case could be planned, or a file can't be written.
+    cases and the planning time, s, under their names in `night.json`. Raises StageError if no case
+    could be planned, or a file can't be written.
     """
     newest, partial = planning.newest, planning.partial
     rows = [row for case in planning.cases for row in partial.rows[case.index]]
@@ -518,10 +451,7 @@ def _charts(planning: Planning) -> Callable[[int], NightChart | None]:
 def check_files(folder: Path, count: int) -> None:
     """Check that every case has a row, every file can be opened, and counts agree.
 
-    Raises
-    ------
-    StageError
-        A check failed; the message lists all faults.
+    Raises StageError if a check failed; the message lists all faults.
     """
     faults = []
     try:

@@ -6,6 +6,7 @@ hashes show later changes. No other file of a cycle contains the time when it wa
 """
 
 import json
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -35,24 +36,20 @@ LOOK = "look"
 ACT = "act"
 """Outcome of a case: yesterday's way can't be sailed any more, or there is no route."""
 OUTCOMES = (SAME, LOOK, ACT)
+COLUMNS = tomllib.loads(Path(__file__).with_name("tables.toml").read_text(encoding="utf-8"))
+"""Columns of a night's tables."""
 
 
 def write_record(
-    folder: Path,
-    files: Sequence[str],
-    made: Mapping[str, Any],
-    notes: Sequence[str],
+    folder: Path, files: Sequence[str], made: Mapping[str, Any], notes: Sequence[str]
 ) -> None:
     """Flush a cycle's files to the disk, and then write its record.
 
     Parameters
     ----------
-    files
-        Names of the cycle's files.
-    made
-        The time and the inputs of the cycle, and the numbers of its cases.
-    notes
-        Other matters that an operator should look at.
+    files : names of the cycle's files.
+    made : the time and the inputs of the cycle, and the numbers of its cases.
+    notes : other matters that an operator should look at.
     """
     from pipeline.formats.records import versions
 
@@ -72,13 +69,7 @@ def write_record(
 
 
 def record_of(folder: Path) -> dict[str, Any]:
-    """Read the record of a finished cycle.
-
-    Raises
-    ------
-    StageError
-        The record can't be read.
-    """
+    """Read the record of a finished cycle; StageError if the record can't be read."""
     try:
         record: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
         record["sha256"].items()
@@ -104,8 +95,7 @@ def reason_to_revise(folder: Path, request: str, currents: str) -> str:
 
     Parameters
     ----------
-    request, currents
-        Hashes of tonight's request and of the newest currents.
+    request, currents : hashes of tonight's request and of the newest currents.
     """
     if faults := faults_of(folder):
         return "; ".join(f"{folder.name}/{name} {fault}" for name, fault in faults.items())
@@ -209,14 +199,6 @@ def readable_cycle(cycles: Cycles) -> tuple[str, list[str]]:
 
 # Largest number of cases that `show` prints.
 _MAX_SHOWN = 20
-# fmt: off
-_SHOWN = (
-    "case", "outcome", "why", "status", "reason", "currents", "source", "stand_in", "leaves",
-    "arrival", "side", "class", "fuel", "length_m", "duration_s", "clearance_m", "optimality_gap",
-    "routes", "rejected", "collisions", "earlier_cycle", "earlier_side", "earlier_class",
-    "earlier_arrival", "keep_fuel", "keep_arrival", "saving_percent", "apart_m",
-)
-# fmt: on
 
 
 def status_lines(output: Path) -> Iterator[str]:
@@ -250,16 +232,13 @@ def _described(folder: Path) -> str:
 def case_lines(output: Path, asked: str) -> Iterator[str]:
     """Yield the last cycle's values of all cases whose names are or begin with `asked`.
 
-    Raises
-    ------
-    RequestError
-        There is no cycle, or it has no such case.
+    Raises RequestError if there is no cycle, or it has no such case.
     """
     cycles = Cycles(output)
     if not cycles.latest:
         raise RequestError(f"{output} has no finished cycle; `renew nightly run` makes one")
     folder, count = cycles.folder(cycles.latest), 0
-    for row in pq.read_table(folder / CASES_FILE, columns=list(_SHOWN)).to_pylist():
+    for row in pq.read_table(folder / CASES_FILE, columns=COLUMNS["shown"]).to_pylist():
         if not matches(row["case"], asked):
             continue
         count += 1

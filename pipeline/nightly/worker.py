@@ -17,23 +17,13 @@ import numpy as np
 import shapely
 
 import renew
+from pipeline import model
 from pipeline.errors import StageError, one_line
 from pipeline.findings.choices import ensemble_figures, flips_text, sides_text
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.way_names import way_names
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
-from pipeline.model import (
-    Case,
-    CaseResult,
-    Current,
-    CurrentGrid,
-    MemberCurrents,
-    RouteMetrics,
-    Water,
-    planner_vessel,
-)
-from pipeline.model.inputs import LimitedField
 from pipeline.nightly.cycles import Row
 from pipeline.nightly.records import ACT, LOOK, SAME, EarlierRoute
 from pipeline.scenario.model import Scenario
@@ -76,7 +66,7 @@ class NightChart:
     """A scenario with its region, and its chart for one vessel in the planner's plane."""
 
     scenario: Scenario
-    water: Water
+    water: model.Water
     accuracy_m: float
 
 
@@ -89,13 +79,13 @@ class NightCurrent:
     `weather` is wind and waves with a limit.
     """
 
-    current: Current
+    current: model.Current
     valid: str
     source: str
     stand_in: str
-    members: MemberCurrents | None = None
+    members: model.MemberCurrents | None = None
     left_out: tuple[str, ...] = ()
-    weather: tuple[LimitedField, ...] = ()
+    weather: tuple[model.inputs.LimitedField, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,10 +116,7 @@ class CurrentTask:
     def make(self) -> None:
         """Fetch the current, project it to the chart's plane, and store it, unless it is stored.
 
-        Raises
-        ------
-        StageError
-            No source has the current, or the chart is missing.
+        Raises StageError if no source has the current, or the chart is missing.
         """
         if load_artefact(self.path, NightCurrent) is not None:
             return
@@ -217,7 +204,7 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     )
 
 
-def _stand_in(grid: CurrentGrid) -> str:
+def _stand_in(grid: model.CurrentGrid) -> str:
     """Return which current replaces the first choice, and why; "" if it is the first choice."""
     reasons = [reason for _, reason in grid.passed_over]
     return "; ".join((*note_texts(grid.stand_in_notes), *reasons)) if grid.is_stand_in else ""
@@ -308,15 +295,15 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
     return [*routes, row | {"outcome": outcome, "why": why}]
 
 
-def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> Case:
+def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> model.Case:
     """Return what the planner plans."""
     scenario, water = chart.scenario, chart.water
     ends = np.array([case.start or scenario.start, case.goal or scenario.goal])
     start, goal = ends if water.is_planar else water.projection.to_plane(ends)
-    voyage = Case(
+    voyage = model.Case(
         case.names[1],
         water,
-        planner_vessel(scenario.vessel),
+        model.planner_vessel(scenario.vessel),
         start,
         goal,
         current.current,
@@ -366,7 +353,9 @@ def _described(current: NightCurrent) -> Row:
     }
 
 
-def _route_row(case: NightCaseTask, voyage: Case, route: Route, figure: RouteMetrics) -> Row:
+def _route_row(
+    case: NightCaseTask, voyage: model.Case, route: Route, figure: model.RouteMetrics
+) -> Row:
     """Return a route's row."""
     lonlat = voyage.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
@@ -388,8 +377,8 @@ def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
 
 def compared(
     earlier: EarlierRoute,
-    voyage: Case,
-    planned: CaseResult,
+    voyage: model.Case,
+    planned: model.CaseResult,
     *,
     drift: Drift,
     leaves: datetime | None,
@@ -426,7 +415,7 @@ def compared(
 
 
 def judged(
-    row: Row, planned: CaseResult, earlier: EarlierRoute | None, batch: PlanBatch
+    row: Row, planned: model.CaseResult, earlier: EarlierRoute | None, batch: PlanBatch
 ) -> tuple[str, str]:
     """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()

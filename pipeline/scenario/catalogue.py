@@ -29,44 +29,20 @@ _UNNAMED = "vessel"
 class AgainstCurrent(StrictModel):
     """Wind against the current: both limits are reached together."""
 
-    wind_m_s: _Figure = Field(examples=[8.0], json_schema_extra=strict.unit("m/s"))
-    """Mean wind at 10 m from which it counts, m/s. Give m/s, above 0."""
-    current_m_s: _Figure = Field(examples=[0.5], json_schema_extra=strict.unit("m/s"))
-    """Component of the current against the direction to which the wind blows, from which it counts,
-    m/s. Give m/s, above 0."""
+    wind_m_s: _Figure
+    current_m_s: _Figure
 
 
 class VesselLimits(StrictModel):
     """Weather beyond which the vessel does not go."""
 
-    wave_m: _Figure | None = Field(default=None, examples=[1.2], json_schema_extra=strict.unit("m"))
-    """Greatest significant wave height, metres. Give metres above 0, or leave it out."""
-    period_s: _Figure | None = Field(
-        default=None, examples=[9.0], json_schema_extra=strict.unit("s")
-    )
-    """Longest period of the waves, peak or mean as the files of waves have it, s. Give seconds
-    above 0, or leave it out."""
-    wind_m_s: _Figure | None = Field(
-        default=None, examples=[12.0], json_schema_extra=strict.unit("m/s")
-    )
-    """Strongest mean wind at 10 m, m/s. Give m/s above 0, or leave it out."""
-    gust_m_s: _Figure | None = Field(
-        default=None, examples=[17.0], json_schema_extra=strict.unit("m/s")
-    )
-    """Strongest gust, m/s, of the files of wind. Give m/s above 0, or leave it out."""
-    wind_against_current: AgainstCurrent | None = Field(
-        default=None, examples=[{"wind_m_s": 8.0, "current_m_s": 0.5}]
-    )
-    """Wind against the current, which raises short and steep waves. Give a table with both limits,
-    or leave it out."""
-    anchor_m: _Figure | None = Field(
-        default=None, examples=[30.0], json_schema_extra=strict.unit("m")
-    )
-    """Greatest charted depth in which the vessel anchors while it waits, metres, on charts with
-    areas of depth (S-57). Give metres above 0, or leave it out: it then holds its place."""
-    leeway: _Figure | None = Field(default=None, le=0.5, examples=[0.03])
-    """Speed at which the wind at 10 m carries the vessel without thrust, as a share of the wind's:
-    it counts in hours adrift. Give a share, such as 0.03, or leave it out."""
+    wave_m: _Figure | None = None
+    period_s: _Figure | None = None
+    wind_m_s: _Figure | None = None
+    gust_m_s: _Figure | None = None
+    wind_against_current: AgainstCurrent | None = None
+    anchor_m: _Figure | None = None
+    leeway: _Figure | None = Field(default=None, le=0.5)
 
 
 # A watt-hour, joules.
@@ -76,26 +52,14 @@ _WH_J = 3600.0
 class PowerSpec(StrictModel):
     """What the vessel burns, in watts, and what it has on board."""
 
-    w_at_m_s: tuple[tuple[strict.Positive, strict.Positive], ...] = Field(
-        default=(), examples=[[[0.5, 2.0], [1.0, 19.0], [2.0, 190.0]]]
-    )
-    """Power at some speeds through water, [m/s, W] each; between them it is interpolated. Give two
-    or more that rise, the steeper the faster, or a coefficient and an exponent."""
-    coefficient: strict.Positive | None = Field(default=None, le=1e12, examples=[19.13])
-    """K of the power K vⁿ, watts at 1 m/s. Give a number above 0, and the exponent."""
-    exponent: strict.Number | None = Field(default=None, ge=1, le=20, examples=[3.33])
-    """n of the power K vⁿ. Give a number from 1 to 20, and the coefficient."""
-    hotel_w: strict.NonNegative = Field(default=0.0, le=1e12, examples=[30.0])
-    """Power of all else on board, whatever the speed, W. Give watts, 0 or more."""
-    battery_wh: strict.Positive | None = Field(default=None, examples=[1064.0])
-    """Energy of the batteries at departure, Wh. Give watt-hours, or leave it out."""
-    tank_l: strict.Positive | None = Field(default=None, examples=[120.0])
-    """Fuel in the tank at departure, litres, in place of batteries. Give litres, and wh_per_l."""
-    wh_per_l: strict.Positive | None = Field(default=None, examples=[3300.0])
-    """Energy that a litre of fuel gives, after the losses of the engine, Wh. Give it with tank_l.
-    """
-    reserve: strict.NonNegative = Field(default=0.0, lt=1, examples=[0.2])
-    """Share of the battery or tank that no plan may use. Give a share from 0 to below 1."""
+    w_at_m_s: tuple[tuple[strict.Positive, strict.Positive], ...] = ()
+    coefficient: strict.Positive | None = Field(default=None, le=1e12)
+    exponent: strict.Number | None = Field(default=None, ge=1, le=20)
+    hotel_w: strict.NonNegative = Field(default=0.0, le=1e12)
+    battery_wh: strict.Positive | None = None
+    tank_l: strict.Positive | None = None
+    wh_per_l: strict.Positive | None = None
+    reserve: strict.NonNegative = Field(default=0.0, lt=1)
 
     @model_validator(mode="after")
     def _is_one_law(self) -> Self:
@@ -123,35 +87,17 @@ class VesselSpec(StrictModel):
     """A vessel: speed, turn rate and fuel law. An entry of the catalogue has the same keys."""
 
     name: strict.Name = _UNNAMED
-    """Name of the vessel. Use up to 64 lower-case letters, digits, '-' and '_'."""
-    title: str = Field(default="", examples=["Ocean-going unmanned surface vessel, 7 m"])
-    """Name of the vessel for readers. Give any text."""
-    origin: str = Field(default="", examples=["Sea trials of May 2025"])
-    """Where the vessel's figures come from. Give any text."""
-    length_m: _Figure = Field(examples=[7.0])
-    """Length overall, metres. Give the length overall in metres."""
-    draught_m: strict.Positive | None = Field(default=None, examples=[0.9])
-    """Draught, metres; needed on charts with depths. Give the metres that the vessel reaches below
-    the water line."""
+    title: str = ""
+    origin: str = ""
+    length_m: _Figure
+    draught_m: strict.Positive | None = None
     squat_m: strict.NonNegative = 0.0
-    """Squat, metres: by how much more the vessel reaches below the water line under way in shallow
-    water; added to the draught. Give metres, 0 or more."""
-    speed_m_s: _Figure = Field(examples=[5.0])
-    """Speed through water, m/s, the same all the way. Give the speed through water in m/s."""
-    turn_rate_deg_s: strict.Positive = Field(le=_TURN_RATE_LIMIT_DEG_S, examples=[16.5])
-    """Turn rate with the helm hard over, degrees/s. Give the hard-over turn rate in degrees/s."""
+    speed_m_s: _Figure
+    turn_rate_deg_s: strict.Positive = Field(le=_TURN_RATE_LIMIT_DEG_S)
     fuel_coefficient: strict.Positive = Field(default=1.0, le=1e12)
-    """Factor of the fuel law: fuel per second = coefficient × speed^exponent, which sets the unit
-    of all fuel figures. Give a number above 0."""
     fuel_exponent: strict.Positive = Field(default=2.0, le=20)
-    """Exponent of the fuel law: fuel per second = coefficient × speed^exponent. Give a number above
-    0, at most 20: 2 is the paper's, 3 the propeller law of displacement hulls."""
     limits: VesselLimits | None = None
-    """Weather in which the vessel does not go; it counts where [limits] names files. Add a
-    [vessel.limits] table, or leave it out."""
     power: PowerSpec | None = None
-    """The fuel law in watts, in place of fuel_coefficient and fuel_exponent: fuel is energy then.
-    Add a [vessel.power] table ([power] in a vessel's own file), or leave it out."""
 
     @model_validator(mode="after")
     def _has_one_law(self) -> Self:
@@ -180,8 +126,6 @@ class SourceBase(StrictModel):
 
     schema_version: Literal[1]
     name: strict.Name
-    """Name in the catalogue, and of the files made from it. Use up to 64 lower-case letters,
-    digits, '-' and '_'."""
     title: str
     credit: str = ""
     licence: str = ""
@@ -320,21 +264,6 @@ def entry(section: Section, name: str) -> dict[str, Any]:
     return read_toml(root() / section / f"{name}.toml")
 
 
-def table(name: str) -> Path:
-    """Return the path of an embedded table of currents."""
-    return root() / "currents" / name
-
-
-def islands() -> Path:
-    """Return the path of the table of islands' names."""
-    return root() / "islands.csv"
-
-
-def canals() -> Path:
-    """Return the path of the table of canals between seas."""
-    return root() / "canals.csv"
-
-
 def stations() -> dict[str, Path]:
     """Return the files of the stations of the tide, by name."""
     return {path.stem: path for path in sorted((root() / "tides").glob("*.json"))}
@@ -364,10 +293,8 @@ def vessel_of_file(file: Path, label: str) -> VesselSpec:
 def scenario_path(asked: str) -> Path:
     """Return the file of a scenario: a name in the catalogue, or a path that exists.
 
-    Raises
-    ------
-    RequestError
-        There is no such name or path, or it is a directory; the message suggests a similar name.
+    Raises RequestError if there is no such name or path, or it is a directory; the message suggests
+    a similar name.
     """
     named = root() / "scenarios" / f"{asked}.toml"
     if asked in names("scenarios"):

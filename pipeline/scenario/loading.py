@@ -17,14 +17,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pipeline.errors import Fault, Faults, RequestError
-from pipeline.machine.paths import (
-    NOT_THERE,
-    resolved,
-    shown,
-    unreadable_reason,
-    unusable_reason,
-    working_directory,
-)
+from pipeline.machine import paths
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE, ScenarioFile
 from pipeline.scenario.model import Scenario, wait_at
@@ -45,22 +38,15 @@ def load_scenario(
 ) -> Scenario:
     """Load a scenario by its name in the catalogue, by its path, or from a file that was read.
 
+    Raises RequestError if not found, not a scenario, or invalid: one line for each fault.
+
     Parameters
     ----------
-    asked
-        The name, the path or the file. Relative paths in the file start at its own folder.
-    charts
-        Tables of sources of land that replace those of the scenario's chart.
-    currents
-        Files that belong together, and sources of the catalogue in order of preference: they
+    asked : the name, the path or the file. Relative paths in the file start at its own folder.
+    charts : tables of sources of land that replace those of the scenario's chart.
+    currents : files that belong together, and sources of the catalogue in order of preference: they
         replace every season's currents; seasons that embedded tables lack are left out.
-    on_note
-        Called with a note for each season left out.
-
-    Raises
-    ------
-    RequestError
-        Not found, not a scenario, or invalid: one line for each fault.
+    on_note : called with a note for each season left out.
     """
     path, _, table = catalogue.read_scenario(asked) if isinstance(asked, str) else asked
     if not {"start", "goal", "seasons"} & table.keys():
@@ -86,12 +72,10 @@ def load_scenario(
 def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
     """Check a scenario's table, and resolve its catalogue names and paths (from `folder`).
 
-    Raises
-    ------
-    RequestError
-        One line for each faulty key; or, where all keys are valid, for each fault between them.
+    Raises RequestError with a line for each faulty key; or, where all keys are valid, for each
+    fault between them.
     """
-    scenario = validated(Scenario, data, folder=folder or working_directory())
+    scenario = validated(Scenario, data, folder=folder or paths.working_directory())
     faults = [
         *refusals(scenario),
         *_repeated_seasons(scenario),
@@ -270,9 +254,9 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
         ("havens.path", "" if havens is None else havens.path, "a GeoJSON file with points")
     )
     for key, path, what in named:
-        if path and (reason := unreadable_reason(path)):
-            remedy = f"; give {what}" if reason == NOT_THERE else ""
-            yield f"{key} = '{shown(path)}' {reason}{remedy}"
+        if path and (reason := paths.unreadable_reason(path)):
+            remedy = f"; give {what}" if reason == paths.NOT_THERE else ""
+            yield f"{key} = '{paths.shown(path)}' {reason}{remedy}"
     if chart.depths and scenario.vessel.draught_m is None:
         yield (
             "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught in "
@@ -386,7 +370,7 @@ def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
             continue
         if not files:
             sources.append(files)
-        files.append(str(resolved(name, "--currents")))
+        files.append(str(paths.resolved(name, "--currents")))
     return sources
 
 
@@ -400,17 +384,17 @@ def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> No
     for name in map(str, asked):
         if name in known or glob.has_magic(name):
             continue
-        if reason := unusable_reason(name):
-            faults.append(f"{key} {shown(name)} {reason}")
+        if reason := paths.unusable_reason(name):
+            faults.append(f"{key} {paths.shown(name)} {reason}")
             continue
-        reason = unreadable_reason(resolved(name, key))
-        if reason == NOT_THERE:
+        reason = paths.unreadable_reason(paths.resolved(name, key))
+        if reason == paths.NOT_THERE:
             hint = "give a NetCDF, GRIB or Zarr file"
             if not looks_like_path(name):
                 hint = f"it is no source of the catalogue either: {near_miss(name, known)}"
             reason = f"{reason}; {hint}"
         if reason:
-            faults.append(f"{key} = '{shown(name)}' {reason}".lstrip())
+            faults.append(f"{key} = '{paths.shown(name)}' {reason}".lstrip())
     if faults:
         raise RequestError(faults)
 

@@ -1,11 +1,13 @@
-"""The table of pairs of features that a scenario can't have together, each with its reason.
+"""The pairs of features that a scenario can't have together, by the table `pairs.toml`.
 
-A scenario may have every other pair. The scenario's checks and the reference are made from this
+A scenario may have every other pair. The scenario's checks and the reference are made from the
 table, and a property test compares random scenarios with it. What one feature needs (a departure, a
 draught) is no pair: `loading` checks it.
 """
 
-from collections.abc import Callable, Iterator
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from pipeline.scenario.model import Scenario
@@ -50,107 +52,14 @@ OF_A_SEASON: dict[str, Callable[[Season], bool]] = {
 class RefusedPair(NamedTuple):
     """Two groups of features: no feature of the first goes together with one of the second."""
 
-    first: tuple[str, ...]
-    second: tuple[str, ...]
+    first: Sequence[str]
+    second: Sequence[str]
     reason: str
     remedy: str = "leave one of the two out"
 
 
-_CHOICES_OF_TIME = ("'departures'", "'arrive_by'", "'speed'")
-_HOURS = ("hours in [[avoid]]", "a [tide]", "[limits]")
-_AT_TRUE_SCALE = "plan at true scale, scale = 1"
-
-PAIRS = (
-    RefusedPair(
-        ("a [plane]",),
-        (
-            *("[region]", "[[avoid]]", "a [tide]", "[limits]", "[havens]", "[under_way]"),
-            "sources in 'currents'",
-        ),
-        "nothing in a plane lies in lon/lat, and it has neither depths nor sources",
-        "leave one of the two out; a plane has obstacles, and a current as 'gyre' or 'uniform'",
-    ),
-    RefusedPair(
-        ("no [plane]",),
-        ("a current as numbers",),
-        "'gyre' and 'uniform' are along the axes of a plane",
-        "name sources in 'currents', or add a [plane]",
-    ),
-    RefusedPair(
-        ("time_method = 'changing'",),
-        ("a current as numbers",),
-        "such a current doesn't change",
-        "name 'currents'",
-    ),
-    RefusedPair(
-        ("a scale other than 1",),
-        ("time_method = 'changing'", "'speed'", *_HOURS, "[havens]", "[under_way]"),
-        "at that scale times under way are not the true ones, and the tide would change during a "
-        "turn by hard rudder",
-        _AT_TRUE_SCALE,
-    ),
-    RefusedPair(
-        ("'members'",),
-        ("'arrive_by'", "'speed'", "a wait at an anchorage"),
-        "each member has times of its own, so no single choice arrives in time in all members",
-    ),
-    RefusedPair(
-        ("'members'",),
-        _HOURS,
-        "each member passes at hours of its own",
-        "leave 'members' out, or the hours: 'from' and 'until', the [tide] or the [limits]",
-    ),
-    RefusedPair(
-        ("[havens]",),
-        (*_HOURS, "'members'", "'speed'"),
-        "ways to havens are proven in one current, which would be the mean of the members alone, "
-        "at the vessel's own speed, and know no hours at which water is shut",
-    ),
-    RefusedPair(
-        ("planner.adrift",),
-        ("time_method = 'changing'",),
-        "in a current that changes, the water from which a vessel drifts ashore too soon is "
-        "another at each hour",
-        "leave 'adrift' out, and read the hours adrift of each route, or plan in a month's mean",
-    ),
-    RefusedPair(
-        ("a wait at an anchorage", "a wait in [limits]"),
-        _CHOICES_OF_TIME,
-        "the wait leaves a time to choose, each of the others another, and a plan chooses only one",
-        "give the season one 'departure' alone, or leave the wait out",
-    ),
-    RefusedPair(
-        ("[under_way]",),
-        ("a wait at an anchorage", "a wait in [limits]", *_CHOICES_OF_TIME, "'members'"),
-        "the plan that is sailed has one current, one speed and one departure",
-        "plan from here without [under_way]",
-    ),
-    RefusedPair(
-        ("'to_within'",),
-        ("'speed'", "'arrive_by'"),
-        "what another departure may save can't be proven where speeds are chosen, or where some "
-        "departures arrive too late",
-        "leave 'to_within' out, or give departures that stand closer",
-    ),
-    RefusedPair(
-        ("planner.method = 'sampled'",),
-        ("via points", *_CHOICES_OF_TIME),
-        "the paper's random chains begin at a given time and end at the goal",
-        "leave them out, or give planner.method = 'optimal'",
-    ),
-    RefusedPair(
-        ("another planner.order than 'fuel'",),
-        ("via points",),
-        "classes through via points are found by fuel",
-        "leave them out, or give planner.order = 'fuel'",
-    ),
-    RefusedPair(
-        ("via points",),
-        ("'speed' in a current that changes",),
-        "a speed for each leg is searched for on one clock from start to goal",
-        "leave one of the two out, or plan from one via point to the next with an arrival at each",
-    ),
-)
+_TABLE = tomllib.loads(Path(__file__).with_name("pairs.toml").read_text(encoding="utf-8"))
+PAIRS = tuple(RefusedPair(**pair) for pair in _TABLE["pairs"])
 """The pairs that are refused; at most 15, and each for one reason."""
 
 

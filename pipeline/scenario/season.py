@@ -69,13 +69,7 @@ _UNITS = {"min": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(d
 
 
 def interval(text: str) -> timedelta:
-    """Read an interval.
-
-    Raises
-    ------
-    ValueError
-        The text is no interval, or 0.
-    """
+    """Read an interval; ValueError if the text is no interval, or 0."""
     parts = _INTERVAL.fullmatch(text)
     if not parts:
         raise strict.RemediedError(
@@ -112,15 +106,10 @@ class DepartureTimes(StrictModel):
     The end of a window, `last`, is one of them too, even if `every` does not lead to it.
     """
 
-    first: AwareDatetime = Field(examples=["2026-07-01T06:00:00Z"])
-    """First departure. Give a time with its zone, as 2026-07-01T06:00:00Z."""
+    first: AwareDatetime
     every: Interval = "1h"
-    """Time from one departure to the next. Give '30min', '6h' or '1d'."""
-    count: Count = Field(examples=[24])
-    """Number of departures. Give a whole number from 1 to 10,000."""
-    last: AwareDatetime | None = Field(default=None, examples=["2026-07-02T05:50:00Z"])
-    """Last departure, after the others: the end of a window that 'every' does not divide. Give a
-    time with its zone, as 2026-07-02T05:50:00Z, or leave it out."""
+    count: Count
+    last: AwareDatetime | None = None
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:
@@ -183,28 +172,12 @@ class MembersSpec(StrictModel):
     Turns are clear in every member, and results say in how many of them each side is best.
     """
 
-    along: str = Field(default="", examples=["member"])
-    """Where the members are: 'files', if each file of the season's source is one; 'cycles', if the
-    files of each folder are one forecast, the newest in the folder whose name is the last; or the
-    name of a dimension of its files. Give 'files', 'cycles' or a name such as 'realization', or
-    leave it out for 'spread', and in a night for the forecasts that it has kept."""
-    spread: strict.Positive | None = Field(
-        default=None, le=10, examples=[0.2], json_schema_extra=strict.unit("m/s")
-    )
-    """Typical error of the current, rms: members are then the current with random eddies of this
-    speed. Give m/s, such as 0.2, or leave it out for 'along'."""
-    eddy_km: strict.Positive = Field(default=80.0, le=1e4, json_schema_extra=strict.unit("km"))
-    """Wave length of the eddies of 'spread', about, true km. Give km, such as 80."""
+    along: str = ""
+    spread: strict.Positive | None = Field(default=None, le=10)
+    eddy_km: strict.Positive = Field(default=80.0, le=1e4)
     count: strict.Integer = Field(default=20, ge=2, le=200)
-    """Number of members with 'spread'; of forecasts that a night keeps, the most. Give a whole
-    number from 2 to 200."""
-    weights: tuple[strict.NonNegative, ...] = Field(default=(), examples=[[2.0, 1.0, 1.0]])
-    """How likely each member is, in their order; by default all are equally likely. Give numbers,
-    0 or more, or leave it out."""
+    weights: tuple[strict.NonNegative, ...] = ()
     choose: Literal["mean", "p90", "cvar90", "regret"] = "mean"
-    """What the side is chosen by: the mean fuel over the members, the fuel that nine in ten don't
-    exceed, the mean of the worst tenth, or the largest excess over a member's best side. Give
-    'mean', 'p90', 'cvar90' or 'regret'."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
@@ -228,11 +201,8 @@ _Speed = Annotated[strict.Positive, Field(le=1e6)]
 class SpeedRange(StrictModel):
     """Lowest and highest speed through water, in place of the vessel's own speed."""
 
-    least: _Speed = Field(examples=[2.5], json_schema_extra=strict.unit("m/s"))
-    """Lowest speed through water, m/s. Give a speed in m/s, above 0."""
-    most: _Speed = Field(examples=[6.0], json_schema_extra=strict.unit("m/s"))
-    """Highest speed through water, m/s, for which land is padded. Give a speed in m/s, not below
-    'least'."""
+    least: _Speed
+    most: _Speed
 
 
 TimeMethod = Literal["mean", "nearest", "linear"]
@@ -252,22 +222,16 @@ Velocity = Annotated[strict.Number, Field(ge=-MAX_CURRENT_M_S, le=MAX_CURRENT_M_
 class Gyre(StrictModel):
     """Gyres that fill the extent of a plane scenario; see `renew.GyreCurrent`."""
 
-    amplitude: Velocity = Field(examples=[0.8], json_schema_extra=strict.unit("m/s"))
-    """Maximum speed of the current, m/s; negative values turn the other way. Give the strongest
-    current in m/s, at most 100."""
+    amplitude: Velocity
     columns: strict.Integer = Field(default=1, ge=1)
-    """Number of gyres along x. Give a whole number, 1 or more."""
     rows: strict.Integer = Field(default=1, ge=1)
-    """Number of gyres along y. Give a whole number, 1 or more."""
 
 
 class Uniform(StrictModel):
     """A uniform current in a plane scenario."""
 
-    u: Velocity = Field(default=0.0, json_schema_extra=strict.unit("m/s"))
-    """Velocity along x, m/s. Give m/s, at most 100."""
-    v: Velocity = Field(default=0.0, json_schema_extra=strict.unit("m/s"))
-    """Velocity along y, m/s. Give m/s, at most 100."""
+    u: Velocity = 0.0
+    v: Velocity = 0.0
 
 
 def _valid_period(valid: str) -> str:
@@ -299,15 +263,11 @@ Files = Annotated[tuple[strict.PathText, ...], Field(min_length=1)]
 class StreamConstants(StrictModel):
     """Tidal streams from harmonic constants, and the current on which they run."""
 
-    constants: strict.PathText = Field(examples=["pass.nc"])
-    """Harmonic constants of tidal streams on a grid. Give the path of a NetCDF file as `renew tide
-    fit` writes it."""
+    constants: strict.PathText
     residual: Annotated[
         Literal["still"] | Files | None,
         BeforeValidator(as_files, json_schema_input_type=str | list[str] | None),
-    ] = Field(default=None, examples=["daily.nc"])
-    """Current on which the streams run: files of currents without tide, such as daily means, or
-    'still'; by default the mean that the file has. Give files, 'still', or leave it out."""
+    ] = None
 
 
 # A source by its name in the catalogue, files that belong together by their paths or patterns, or
@@ -332,64 +292,21 @@ def source_name(named: Currents) -> str:
 class Season(StrictModel):
     """One current to plan in: from sources in order of preference, or given as numbers."""
 
-    name: strict.Name = Field(examples=["summer"])
-    """Name of the season, and of its files. Use up to 64 lower-case letters, digits, '-' and '_'.
-    """
-    title: str = Field(default="", examples=["July 2024"])
-    """Name of the season for readers. Give any text."""
-    valid: Valid = Field(default="", examples=["2024-07"])
-    """Time that the current is valid for, in UTC: a month 'YYYY-MM', a day 'YYYY-MM-DD' or an
-    instant 'YYYY-MM-DDTHH:MMZ'; needed with all 'currents' but 'still', unless they change. Give a
-    month as 'YYYY-MM', or a day."""
-    time_method: TimeMethod | Literal["changing"] | None = Field(default=None, examples=["linear"])
-    """How one field is made from a source's time steps: their mean, the nearest step, or linear in
-    time; by default the mean for a month or a day, the nearest for an instant. With 'changing' no
-    single field is made: the current changes during the voyage, with all time steps from
-    'departure' on. Give 'mean', 'nearest', 'linear' or 'changing', or leave it out."""
-    currents: tuple[Currents, ...] = Field(
-        default=(), examples=[["daily/*.nc", "copernicus-glorys-monthly"]]
-    )
-    """Sources of the current in order of preference; files that belong together form a list of
-    their own; 'still' is no current at all; a table { constants = 'pass.nc', residual = 'still' }
-    is tidal streams. Give sources' names (`renew list`), and paths of files."""
-    current_variables: tuple[str, str] | None = Field(
-        default=None, examples=[["water_u", "water_v"]]
-    )
-    """The two variables of files in 'currents' that are the current, east and north, or speed and
-    direction; by default they are found by their names. Give two names, or leave it out."""
-    gyre: Gyre | None = Field(default=None, examples=[{"amplitude": 0.8}])
-    """Gyres as the current of a plane scenario. Give a table with its amplitude."""
-    uniform: Uniform | None = Field(default=None, examples=[{"u": 0.1, "v": 0.0}])
-    """A uniform current of a plane scenario. Give a table with u and v."""
-    departure: AwareDatetime | None = Field(default=None, examples=["2026-07-01T06:00:00Z"])
-    """Time of departure, which dates the times in RTZ and GPX files; changing currents
-    are counted from it. Give a time with its zone, as 2026-07-01T06:00:00Z, or leave it out."""
+    name: strict.Name
+    title: str = ""
+    valid: Valid = ""
+    time_method: TimeMethod | Literal["changing"] | None = None
+    currents: tuple[Currents, ...] = ()
+    current_variables: tuple[str, str] | None = None
+    gyre: Gyre | None = None
+    uniform: Uniform | None = None
+    departure: AwareDatetime | None = None
     departures: DepartureTimes | None = None
-    """Departures from which the best is chosen, in place of 'departure', in currents that change.
-    Give a table as { first = 2026-07-01T06:00:00Z, every = '1h', count = 24 }, or leave it out."""
-    to_within: Interval | None = Field(default=None, examples=["1h"])
-    """Largest time that another departure of the window may still save: departures between those
-    given are added until no path found saves more; by default none are added. Give an interval,
-    such as '1h', or leave it out."""
-    arrive_by: AwareDatetime | None = Field(default=None, examples=["2026-07-02T18:00:00Z"])
-    """Latest arrival at the goal, in currents that change or with 'speed'. Without 'speed' the
-    latest departure is chosen, not before 'departure', that still arrives in time, or the best of
-    'departures' that does; with it the vessel leaves at 'departure', or at the best of
-    'departures', and chooses speeds that arrive in time. Give a time with its zone, as
-    2026-07-02T18:00:00Z, or leave it out."""
+    to_within: Interval | None = None
+    arrive_by: AwareDatetime | None = None
     speed: SpeedRange | None = None
-    """Range of speeds through water, in place of the vessel's own: it chooses a speed for each leg,
-    for least fuel from 'departure', or the best of 'departures', to 'arrive_by'. Give a table as {
-    least = 2.5, most = 6.0 } in m/s, or leave it out."""
     members: MembersSpec | None = None
-    """Currents that may each come true, in place of one. Give a table as { along = 'files' } or {
-    spread = 0.2 }, in a night {} for the forecasts that it has kept, or leave it out."""
-    max_hours: strict.Positive | None = Field(
-        default=None, le=MAX_HOURS, examples=[240], json_schema_extra=strict.unit("hours")
-    )
-    """Longest voyage in changing currents: later time steps, counted from the last departure, are
-    not read; by default a day more than three times the time of the straight way from start to
-    goal. Give hours, such as 240, or leave it out."""
+    max_hours: strict.Positive | None = Field(default=None, le=MAX_HOURS)
 
     @model_validator(mode="after")
     def _one_current(self) -> Self:

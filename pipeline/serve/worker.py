@@ -34,8 +34,7 @@ from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
 from pipeline.sources.copernicus.client import without_secrets
 from pipeline.stages.region import require_sailable
-from pipeline.voyage.check import check_route
-from pipeline.voyage.check_words import checked_lines
+from pipeline.voyage.check import check_route, checked_lines
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
 from pipeline.voyage.request import VoyageRequest, read_voyage
 from pipeline.voyage.route_file import read_route

@@ -112,12 +112,8 @@ class DepthFile:
     def open(cls, path: Path, positive: str = "") -> "DepthFile":
         """Read names, axes and attributes of a file, but no depths.
 
-        `positive` is "up" or "down" where the user says what the file does not.
-
-        Raises
-        ------
-        RequestError
-            It can't be read, or has no depths in metres on a lon/lat grid: one line.
+        `positive` is "up" or "down" where the user says what the file does not. Raises RequestError
+        if it can't be read, or has no depths in metres on a lon/lat grid: one line.
         """
         require_readable([path], "chart.depths")
         with _refused(path):
@@ -129,10 +125,7 @@ class DepthFile:
     def heights(self, bounds: Bounds) -> Heights | None:
         """Read the part in bounds (west, south, east, north); None where there are no two nodes.
 
-        Raises
-        ------
-        RequestError
-            The file is damaged, or has too many cells there.
+        Raises RequestError if the file is damaged, or has too many cells there.
         """
         if isinstance(self.grid, SourceMesh):
             return self._highest(self.grid, bounds)
@@ -367,11 +360,8 @@ class SoundedChart:
     def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees), and the water that is too shallow.
 
-        Raises
-        ------
-        RequestError
-            The source of the land is at fault; or the file of depths covers nothing of the region,
-            is damaged, or puts most of the water above the sea.
+        Raises RequestError if the source of the land is at fault; or the file of depths covers
+        nothing of the region, is damaged, or puts most of the water above the sea.
         """
         land = self.chart.land(region)
         heights = self.file.heights(box_around(region).bounds)

@@ -1,5 +1,7 @@
 """The one place that chooses an adapter for a source; embedded tables and still water are here.
 
+So is the choice of files of wind and waves, as far as the vessel has a limit for them.
+
 A new source needs an adapter in this package, a spec in `pipeline.scenario.catalogue`, a branch
 below, and an entry in `catalog/sources`.
 """
@@ -7,7 +9,7 @@ below, and an entry in `catalog/sources`.
 import csv
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,8 +25,8 @@ from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import NO_TIDE, CurrentSource, DepthRule, Issue, LandSource, TideRange
 from pipeline.scenario import catalogue
-from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
-from pipeline.scenario.model import Scenario
+from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec, VesselLimits
+from pipeline.scenario.model import LimitsSpec, Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.scenario.season import Currents, MembersSpec, Season, StreamConstants, period
 from pipeline.scenario.strict import near_miss
@@ -125,9 +127,7 @@ def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> D
 
 
 def current_source(
-    named: Currents,
-    members: MembersSpec | None = None,
-    variables: tuple[str, str] | None = None,
+    named: Currents, members: MembersSpec | None = None, variables: tuple[str, str] | None = None
 ) -> CurrentSource:
     """Return the source of currents that a catalogue entry names, or that files make together.
 
@@ -160,6 +160,47 @@ def current_source(
     assert_never(spec)
 
 
+def weather_files(spec: LimitsSpec, limits: VesselLimits) -> Iterator[tuple[str, CurrentSource]]:
+    """Yield the files that are needed, each by the name of its limit."""
+    from pipeline.sources.cf.adapter import CfFiles
+    from pipeline.sources.quantities import GUST, PERIOD, WAVES, WIND
+
+    rows = (
+        ("wave_m", spec.waves, WAVES),
+        ("period_s", spec.waves, PERIOD),
+        ("wind_m_s", spec.wind, WIND),
+        ("gust_m_s", spec.wind, GUST),
+        ("wind_against_current", spec.wind, WIND),
+        ("leeway", spec.wind, WIND),
+    )
+    for name, paths, quantity in rows:
+        if getattr(limits, name) is not None and paths:
+            yield name, CfFiles(paths, quantity=quantity)
+
+
+def weather_grids(
+    spec: LimitsSpec, limits: VesselLimits, region: Polygon, season: Season
+) -> dict[str, CurrentGrid]:
+    """Read the fields that have a limit, on the clock of a season, by the name of the limit.
+
+    Raises RequestError if a file can't be read, or lacks the region or the departure; all faults
+    are listed.
+    """
+    found, faults = dict[str, CurrentGrid](), list[str]()
+    for name, source in weather_files(spec, limits):
+        reason = source.uncovered_reason(region, season)
+        if reason:
+            faults.append(reason)
+            continue
+        try:
+            found[name] = source.current(region, season, Land((), (), 0.0), Path())
+        except RequestError as error:
+            faults += error.faults
+    if faults:
+        raise RequestError([f"limits: {fault}" for fault in dict.fromkeys(faults)])
+    return found
+
+
 @dataclass(frozen=True)
 class EmbeddedTable(CurrentSource):
     """A CSV table (season, lon, lat, u, v); the points of each season lie on one regular grid.
@@ -172,7 +213,7 @@ class EmbeddedTable(CurrentSource):
     @cached_property
     def _bytes(self) -> bytes:
         """The table's file."""
-        return catalogue.table(self.spec.table).read_bytes()
+        return (catalogue.root() / "currents" / self.spec.table).read_bytes()
 
     def identity(self, case: Season) -> tuple[str, ...]:
         """Return the hash of the table, and which part of it stands for the case."""

@@ -106,10 +106,7 @@ class Station:
 def find_station(asked: str | Path) -> Station:
     """Read a station by its name in the catalogue, or by its path.
 
-    Raises
-    ------
-    RequestError
-        It is not there, or its file can't be used: one line for each fault.
+    Raises RequestError if it is not there, or its file can't be used: one line for each fault.
     """
     named = catalogue.stations()
     if str(asked) in named:
@@ -288,28 +285,21 @@ class OwnConstant(strict.StrictModel):
     """A constituent in a file of the user's own."""
 
     amplitude_m: NonNegative
-    """Amplitude. Give it in metres"""
     phase_deg: Number
-    """Phase lag at Greenwich. Give it in degrees"""
 
 
 class OwnStation(strict.StrictModel):
     """A station of the user's own."""
 
     constants: dict[str, OwnConstant] | strict.PathText
-    """Harmonic constants. Give a table of constituents, M2 = { amplitude_m = 1.37, phase_deg =
-    109.2 }, or the path of a station's file"""
     phases: Literal["UTC"] | None = None
-    """Clock of the phases. Give phase lags at Greenwich, and say so: phases = 'UTC'"""
     name: str = ""
     position: strict.LonLat | None = None
     datum: str = ""
-    """Chart datum. Give its name: 'MLLW', 'LAT'"""
     mean_level_m: Number | None = None
     ratio: NonNegative = 1.0
     offset_min: Number = 0.0
     zone: strict.LonLatRing = ()
-    """Give three corners at least"""
 
 
 def _own(data: OwnStation, path: Path, faults: list[str]) -> Station:
@@ -391,10 +381,7 @@ def tide_range(spec: TideSpec) -> TideRange:
 
 
 def tide_zones(
-    stations: Sequence[Station],
-    extent: shapely.Polygon,
-    projection: Projection,
-    land: Geometries,
+    stations: Sequence[Station], extent: shapely.Polygon, projection: Projection, land: Geometries
 ) -> tuple[list[shapely.Geometry], shapely.Geometry]:
     """Return the part of a planar extent, m, in which each station counts, given its `land` (n,).
 

@@ -108,11 +108,8 @@ def has_levels(path: Path) -> bool:
 def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:
     """Read the zones of S-104 files: tiles beside each other, and forecasts of the same tile.
 
-    Raises
-    ------
-    RequestError
-        A file can't be read, has no levels of several hours on a grid, or states no datum that is
-        known: one line for each.
+    Raises RequestError if a file can't be read, has no levels of several hours on a grid, or states
+    no datum that is known: one line for each.
     """
     faults = [f"{shown(path.name)}: {fault}" for path, fault in fatal_files(paths).items()]
     tiles: list[dict[Path, xr.Dataset]] = []

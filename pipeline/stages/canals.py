@@ -55,7 +55,7 @@ class Canal(NamedTuple):
 @cache
 def canals() -> tuple[Canal, ...]:
     """Return the catalogue's canals."""
-    with catalogue.canals().open(encoding="utf-8", newline="") as file:
+    with (catalogue.root() / "canals.csv").open(encoding="utf-8", newline="") as file:
         return tuple(
             Canal(
                 row["name"],

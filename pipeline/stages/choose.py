@@ -275,10 +275,7 @@ def waiting_notes(chosen: Chosen) -> Iterator[Note]:
 def choose(given: Chosen, store: Store, say: Say, scheduler: str | None = None) -> Chosen:
     """Return a complete scenario with its cases, and report each choice through `say`.
 
-    Raises
-    ------
-    RequestError, StageError
-        No season has a departure that can be planned.
+    Raises RequestError, StageError if no season has a departure that can be planned.
     """
     split = with_waits(with_onward_legs(_with_offing(given)))
     chosen = choose_departures(split, store, say, scheduler)
@@ -415,21 +412,12 @@ class SweepTask:
         """Load the choice from the store; None if it is missing or damaged."""
         return load_artefact(self.choice_path, DepartureChoice)
 
-    def stored_failure(self) -> str | None:
-        """Return "" if the store has the choice, else None: failures are not stored."""
-        return None if self.result() is None else ""
-
     def make(self) -> Status:
         """Choose the departure; an error becomes a failure."""
         return status_of(self.case, lambda: sweep(self))
 
 
-def _ignore(note: Note) -> None:
-    """Ignore a note."""
-    del note
-
-
-def sweep(task: SweepTask, say: Say = _ignore) -> str:
+def sweep(task: SweepTask, say: Say = lambda _: None) -> str:
     """Choose a case's departure, and store the choice; return why there is none, or ""."""
     case = stored_case(task)
     try:
@@ -534,14 +522,9 @@ def choose_departures(
 ) -> Chosen:
     """Choose the departure of every season that leaves it open, and store the new cases.
 
-    The cases are independent tasks; see :mod:`pipeline.stages.tasks`.
-
-    Raises
-    ------
-    RequestError
-        No season has a departure that can be planned.
-    StageError
-        The same, because tasks crashed; or the scheduler can't be used.
+    The cases are independent tasks; see :mod:`pipeline.stages.tasks`. Raises RequestError if no
+    season has a departure that can be planned; StageError if that is because tasks crashed, or the
+    scheduler can't be used.
     """
     tasks = {task.case: task for task in _sweeps(given, store)}
     waiting = [task for task in tasks.values() if task.result() is None]

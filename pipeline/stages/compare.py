@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.errors import LateFaults
+from pipeline.errors import Faults
 from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.result import RunResult, addressed, sea_notes, unsafe_notes
@@ -35,7 +35,7 @@ def compare(
     planned: Artefact[tuple[CaseResult, ...]],
     store: Store,
     say: Say,
-    late: LateFaults,
+    late: Faults,
 ) -> Artefact[RunResult]:
     """Name each route's way, and find the straits that are shut; what fails is left out.
 
@@ -83,9 +83,7 @@ def compare(
     return Artefact(artefact_key("compare", *inputs), complete)
 
 
-def bounds_of_sides(
-    result: Artefact[RunResult], store: Store, late: LateFaults
-) -> dict[str, float]:
+def bounds_of_sides(result: Artefact[RunResult], store: Store, late: Faults) -> dict[str, float]:
     """Bound the fuel of ways on the other sides; this takes long, and only reports show it."""
     run, options = result.value, result.value.scenario.planner
 

@@ -30,10 +30,8 @@ from renew.inputs.openings import with_always_shut
 def havens_in(scenario: Scenario, water: Water) -> tuple[tuple[renew.Haven, ...], tuple[Note, ...]]:
     """Return the scenario's havens that lie in the water, and notes on the others.
 
-    Raises
-    ------
-    RequestError
-        The file can't be read, or none of its havens lies in the water; all are named.
+    Raises RequestError if the file can't be read, or none of its havens lies in the water; all are
+    named.
     """
     if scenario.havens is None:
         return (), ()
@@ -73,10 +71,7 @@ def _misplaced(scenario: Scenario, water: Water, place: Place) -> str:
 def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunResult]:
     """Return a result with the coverage of each case's best route by havens, and its notes.
 
-    Raises
-    ------
-    RequestError
-        The endurance is below a route's own time; all cases are named.
+    Raises RequestError if the endurance is below a route's own time; all cases are named.
     """
     run = result.value
     spec = run.scenario.havens

@@ -30,7 +30,7 @@ from pipeline.scenario.season import MAX_HOURS, Currents, Season, source_name
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.land.osm import OsmLand
-from pipeline.sources.registry import charted_land, current_source
+from pipeline.sources.registry import charted_land, current_source, weather_files, weather_grids
 from pipeline.stages.places import avoided_zones, fetched_plane
 
 # Default limit of a voyage in changing currents, as a multiple of the time that the vessel takes
@@ -45,13 +45,9 @@ def fetch(
 ) -> Fetched:
     """Fetch land and every case's current; if `strict`, only from each case's first source.
 
-    Raises
-    ------
-    RequestError
-        No case has a source that is available and covers the region.
-    StageError
-        Sources were tried and none returned data; or, if `strict`, a case would use another source
-        than its first.
+    Raises RequestError if no case has a source that is available and covers the region; StageError
+    if sources were tried and none returned data; or, if `strict`, a case would use another source
+    than its first.
     """
     if scenario.plane is not None:
         return _plane_data(scenario, scenario.plane)
@@ -118,10 +114,7 @@ def _region_data(scenario: Scenario, fetcher: "Fetcher") -> Fetched:
 def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     """Return the data with wind and waves, as far as the vessel has limits for them.
 
-    Raises
-    ------
-    RequestError
-        The files can't be used; all faults are listed.
+    Raises RequestError if the files can't be used; all faults are listed.
     """
     if scenario.limits is None or scenario.region is None:
         return fetched
@@ -148,16 +141,12 @@ def season_weather(scenario: Scenario, season: Season) -> dict[str, CurrentGrid]
     """Read a season's wind and waves in the scenario's region, by the names of their limits."""
     if scenario.limits is None or scenario.region is None:
         return {}
-    from pipeline.sources.weather import weather_grids
-
     clock, region = on_clock(season, scenario), scenario.region.shape
     return weather_grids(scenario.limits, scenario.weather_limits, region, clock)
 
 
 def weather_keys(scenario: Scenario, season: Season) -> list[object]:
     """Return what the wind and waves of a season depend on."""
-    from pipeline.sources.weather import weather_files
-
     files = weather_files(scenario.limits, scenario.weather_limits) if scenario.limits else ()
     return [source.identity(on_clock(season, scenario)) for _, source in files]
 

@@ -24,6 +24,8 @@ from pipeline.model.inputs import LimitedField
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.model import Scenario
 from renew.inputs.openings import OverLimit
+from renew.inputs.options import Drift
+from renew.voyage.fuel import passage
 
 # Largest number of cells along either axis: cells of a finer field are joined, and a joined cell is
 # shut while one of them is. It limits the number of areas to what a plan can look at.
@@ -155,8 +157,11 @@ def _spells(shut: BoolArray) -> Iterator[tuple[int, int, int, int]]:
 _COLUMNS = {"waves": ("wave", "m"), "wind": ("wind", "m_s")}
 
 
-def worst_met(case: Case, route: renew.Route) -> dict[str, Any]:
-    """Return the worst waves and wind on a route on time, when and where, and what is left."""
+def worst_met(case: Case, route: renew.Route, drift: Drift) -> dict[str, Any]:
+    """Return the worst waves and wind on a route on time, when and where, and what is left.
+
+    In members of the current it is the share of them, by weight, in which a limit is exceeded.
+    """
     worst = dict[str, Any]()
     line = shapely.LineString(route.path)
     points = shapely.get_coordinates(shapely.segmentize(line, _SPACING * line.length))
@@ -175,6 +180,14 @@ def worst_met(case: Case, route: renew.Route) -> dict[str, Any]:
                 f"worst_{name}_lat": float(lonlat[at, 1]),
                 f"{name}_headroom_{unit}": field.limit - float(values[at]),
             }
+    if case.members is not None and case.weather:
+        over = list[bool]()
+        for current in case.members.currents:
+            taken = passage(points, current, case.vessel, drift=drift, chart=case.chart).durations
+            when = np.append(0.0, np.cumsum(taken))
+            over.append(any((one.at(lonlat, when) > one.limit).any() for one in case.weather))
+        share = float(np.average(over, weights=case.members.weights))
+        worst["members_over_limit_share"] = share
     return worst
 
 

@@ -13,23 +13,11 @@ import numpy as np
 import shapely
 
 import renew
+from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.text import moment_text
 from pipeline.geo.projection import Projection
-from pipeline.model import (
-    Case,
-    CaseResult,
-    Credit,
-    Current,
-    Fetched,
-    Land,
-    Note,
-    SimplifiedLand,
-    Water,
-    Zone,
-    planner_vessel,
-)
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario, TideSpec
 from pipeline.scenario.region import AvoidedArea, ChartSource, ChartSpec, Plane
@@ -59,7 +47,7 @@ _CUT = 1e-4
 _QUADRANT_SEGMENTS = 2
 
 
-def check_endpoints(scenario: Scenario, chart_water: Water) -> None:
+def check_endpoints(scenario: Scenario, chart_water: model.Water) -> None:
     """Raise RequestError if a stop is not in water, or no water connects it with the start.
 
     NoWayError is raised if a wider region might connect them.
@@ -110,7 +98,7 @@ def not_in_water(
     scenario: Scenario,
     name: str,
     here: shapely.Point,
-    chart_water: Water,
+    chart_water: model.Water,
     wet: Sequence[shapely.Point] = (),
     margin_m: float = 0.0,
 ) -> str:
@@ -139,10 +127,10 @@ def lakes_text(chart: ChartSpec) -> str:
 
 def _room(scenario: Scenario) -> float:
     """Return the diameter of the fastest vessel's turning circle, planar metres."""
-    return 2 * planner_vessel(scenario.fastest_vessel).turning_radius
+    return 2 * model.planner_vessel(scenario.fastest_vessel).turning_radius
 
 
-def is_shut_in(case: Case, straits: Sequence[Strait], width: float) -> bool:
+def is_shut_in(case: model.Case, straits: Sequence[Strait], width: float) -> bool:
     """Whether a stop can't reach the chart's edge, so that no wider region can help.
 
     The way to the edge keeps `width` planar metres off land, and passes none of the straits.
@@ -185,7 +173,7 @@ def _with_room(
 
 
 def _nearest_water(
-    here: shapely.Point, water: shapely.Geometry, chart_water: Water
+    here: shapely.Point, water: shapely.Geometry, chart_water: model.Water
 ) -> tuple[str, str]:
     """Return the distance to the nearest water and its position, as a scenario would write it."""
     projection = chart_water.projection
@@ -211,15 +199,13 @@ def area_identities(avoid: Iterable[AvoidedArea]) -> tuple[object, ...]:
 
 def avoided_zones(
     avoid: Iterable[AvoidedArea], region: shapely.Polygon
-) -> tuple[tuple[Zone, ...], tuple[Note, ...]]:
+) -> tuple[tuple[model.Zone, ...], tuple[model.Note, ...]]:
     """Return the avoided areas near a region (lon/lat degrees), in their order, and notes on them.
 
-    Raises
-    ------
-    RequestError
-        A file can't be read, or has no area near the region; all faults are listed.
+    Raises RequestError if a file can't be read, or has no area near the region; all faults are
+    listed.
     """
-    zones, notes, faults = list[Zone](), list[Note](), list[str]()
+    zones, notes, faults = list[model.Zone](), list[model.Note](), list[str]()
     for at, area in enumerate(avoid):
         try:
             land = _file(area).land(region)
@@ -229,7 +215,7 @@ def avoided_zones(
         shape = _thinned(shapely.union_all(np.array(land.polygons, dtype=object)))
         # How accurate a coast is does not matter here.
         notes += (note for note in land.notes if note.kind != "accuracy-assumed")
-        zones.append(Zone("shut", Path(area.path).stem, hours_text(area), shape))
+        zones.append(model.Zone("shut", Path(area.path).stem, hours_text(area), shape))
     if faults:
         raise RequestError(faults)
     return tuple(zones), tuple(notes)
@@ -252,8 +238,8 @@ def hours_text(area: AvoidedArea) -> str:
 
 
 def shut_polygons(
-    avoid: Iterable[AvoidedArea], zones: Iterable[Zone], projection: Projection
-) -> tuple[tuple[AvoidedArea, Zone, shapely.Geometry], ...]:
+    avoid: Iterable[AvoidedArea], zones: Iterable[model.Zone], projection: Projection
+) -> tuple[tuple[AvoidedArea, model.Zone, shapely.Geometry], ...]:
     """Return each area that is shut for some time, its zone, and its polygons in the plane."""
     shut = [zone for zone in zones if zone.kind == "shut"]
     return tuple(
@@ -263,7 +249,7 @@ def shut_polygons(
 
 
 def shut_areas(
-    shut: Iterable[tuple[AvoidedArea, Zone, shapely.Geometry]], begin: datetime | None
+    shut: Iterable[tuple[AvoidedArea, model.Zone, shapely.Geometry]], begin: datetime | None
 ) -> tuple[renew.ShutArea, ...]:
     """Return the shut areas on a clock that begins at a first departure."""
     return tuple(
@@ -277,14 +263,11 @@ def shut_areas(
     )
 
 
-def shut_notes(planned: Iterable[tuple[Case, CaseResult]]) -> tuple[Note, ...]:
+def shut_notes(planned: Iterable[tuple[model.Case, model.CaseResult]]) -> tuple[model.Note, ...]:
     """Return notes on the areas that routes avoid because they are shut during the voyage."""
     return tuple(
-        Note.of(
-            "area-shut",
-            area=area.name,
-            begin=case.moment(area.begin),
-            until=case.moment(area.end),
+        model.Note.of(
+            "area-shut", area=area.name, begin=case.moment(area.begin), until=case.moment(area.end)
         ).about(case.name)
         for case, result in planned
         if result.plan is not None
@@ -304,18 +287,20 @@ def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) 
     return otherwise if moment is None or begin is None else (moment - begin).total_seconds()
 
 
-def fetched_plane(plane: Plane, scale: float) -> Fetched:
+def fetched_plane(plane: Plane, scale: float) -> model.Fetched:
     """Return the obstacles as land, and no currents: `plane_current` reads them later."""
     projection = _projection(scale)
-    credit = Credit(name="Obstacles of the scenario", kind="land", text=plane.credit, licence="")
+    credit = model.Credit(
+        name="Obstacles of the scenario", kind="land", text=plane.credit, licence=""
+    )
     polygons = tuple(projection.geometry_to_lonlat(polygon) for polygon in _obstacles(plane))
-    return Fetched(Land(polygons, (credit,), accuracy_m=0.0), ())
+    return model.Fetched(model.Land(polygons, (credit,), accuracy_m=0.0), ())
 
 
-def unsimplified(land: Land) -> SimplifiedLand:
+def unsimplified(land: model.Land) -> model.SimplifiedLand:
     """Return the obstacles unchanged: in a plane scenario nothing is simplified."""
     vertices = sum(int(shapely.get_num_coordinates(polygon)) for polygon in land.polygons)
-    return SimplifiedLand(
+    return model.SimplifiedLand(
         polygons=land.polygons,
         inner_polygons=land.polygons,
         original_vertices=vertices,
@@ -325,15 +310,15 @@ def unsimplified(land: Land) -> SimplifiedLand:
     )
 
 
-def plane_water(scenario: Scenario, plane: Plane) -> Water:
+def plane_water(scenario: Scenario, plane: Plane) -> model.Water:
     """Build the chart from the given metres; a detour over lon/lat would round them."""
     obstacles, projection = _obstacles(plane), _projection(scenario.scale)
-    water = Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
+    water = model.Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
     check_endpoints(scenario, water)
     return water
 
 
-def planar_stops(scenario: Scenario, water: Water) -> FloatArray:
+def planar_stops(scenario: Scenario, water: model.Water) -> FloatArray:
     """Return start, via points and goal in the plane (n + 2, 2)."""
     given = np.array([*scenario.stops.values()], dtype=float)
     return given if water.is_planar else water.projection.to_plane(given)
@@ -349,7 +334,7 @@ def _projection(scale: float) -> Projection:
     return Projection.at(0.0, 0.0, scale)
 
 
-def plane_current(season: Season, extent: shapely.Polygon) -> Current:
+def plane_current(season: Season, extent: shapely.Polygon) -> model.Current:
     """Return the gyre or uniform current of a case."""
     if season.gyre is not None:
         _, _, width, height = extent.bounds
@@ -372,20 +357,16 @@ _FLAT = math.cos(math.pi / 4 / _BUFFER_SEGMENTS)
 def tidal_depth(
     spec: TideSpec | None,
     chart: ChartSpec,
-    land: Land,
-    simplified: SimplifiedLand,
-    water: Water,
+    land: model.Land,
+    simplified: model.SimplifiedLand,
+    water: model.Water,
 ) -> Callable[[datetime | None], renew.TidalDepth | None]:
     """Return the tidal water of a chart in the plane, on any clock that begins at a departure.
 
     Areas are grown by the chart's margin, as land is. Where land parts them from every station, so
-    that none is near by water, they are never deep enough.
-
-    Raises
-    ------
-    RequestError
-        Chart and stations have different datums, some water has no station near it, or a departure
-        lies outside the hours of official levels.
+    that none is near by water, they are never deep enough. Raises RequestError if chart and
+    stations have different datums, some water has no station near it, or a departure lies outside
+    the hours of official levels.
     """
     if spec is None:
         return lambda _: None
@@ -432,12 +413,14 @@ def tidal_depth(
     return on_clock
 
 
-def tide_notes(tide: TideSpec | None, planned: Sequence[tuple[Case, CaseResult]]) -> Iterator[Note]:
+def tide_notes(
+    tide: TideSpec | None, planned: Sequence[tuple[model.Case, model.CaseResult]]
+) -> Iterator[model.Note]:
     """Yield notes on the tide relied on, on the least water, and on water that is too shallow."""
     if tide is None:
         return
     stations = stations_of(tide)
-    yield Note.of(
+    yield model.Note.of(
         "tide-relied-on",
         stations=tuple(dict.fromkeys(station.name for station in stations)),
         datum=stations[0].datum,
@@ -448,25 +431,25 @@ def tide_notes(tide: TideSpec | None, planned: Sequence[tuple[Case, CaseResult]]
     for case, depth in [(case, case.tidal_depth) for case, _ in planned if case.tidal_depth][:1]:
         for at in np.flatnonzero(np.asarray(depth.needs) == _NEVER_M)[:1]:
             place = shapely.get_coordinates(shapely.point_on_surface(depth.areas[at]))[0]
-            yield Note.of("tide-unknown", place=case.water.place(place))
+            yield model.Note.of("tide-unknown", place=case.water.place(place))
     for case, result in planned:
         if result.plan is not None:
             yield from _least_water(case, result.plan)
             for area in result.plan.shut:
                 if isinstance(area, renew.TidalArea):
                     begin, until = _next_hours(case, area, float(result.plan.best.times[0]))
-                    yield Note.of(
+                    yield model.Note.of(
                         "tide-too-low", area=area.name, need_m=area.need, begin=begin, until=until
                     ).about(case.name)
 
 
-def _least_water(case: Case, plan: renew.Plan) -> Iterator[Note]:
+def _least_water(case: model.Case, plan: renew.Plan) -> Iterator[model.Note]:
     """Yield a note on the least water of a case's best route, with the hours around it."""
     least, kept_m = plan.best.least_water, case.under_keel_clearance_m
     if least is None:
         return
     begin, until = _next_hours(case, least.area, least.time)
-    yield Note.of(
+    yield model.Note.of(
         "least-water",
         least_m=least.spare + kept_m,
         early_m=least.early + kept_m,
@@ -479,7 +462,7 @@ def _least_water(case: Case, plan: renew.Plan) -> Iterator[Note]:
 
 
 def _next_hours(
-    case: Case, area: renew.TidalArea, time_s: float
+    case: model.Case, area: renew.TidalArea, time_s: float
 ) -> tuple[datetime | float | None, datetime | float | None]:
     """Return begin and end of an area's hours of enough water around a time (s), or next to it."""
     hours = area.next_hours(time_s)
@@ -489,7 +472,7 @@ def _next_hours(
     return case.moment(begin), case.moment(until)
 
 
-def _check_datum(chart: ChartSpec, land: Land, stations: Sequence[Station]) -> None:
+def _check_datum(chart: ChartSpec, land: model.Land, stations: Sequence[Station]) -> None:
     """Refuse a chart without depths, and depths and tides that are not counted from one datum."""
     stated, faults = chart.datum, list[str]()
     datum = land.datum or ("" if chart.depths else stated)
@@ -527,7 +510,7 @@ def _apart(station: Station, datum: str) -> str:
     return f" ({datum} is {abs(level):.2f} m {'above' if level > 0 else 'below'} it)"
 
 
-def _grown(planar: Geometries, simplified: SimplifiedLand, scale: float) -> Geometries:
+def _grown(planar: Geometries, simplified: model.SimplifiedLand, scale: float) -> Geometries:
     """Return areas that cover the given ones, planar m, with the chart's margin around them."""
     margin, tolerance = simplified.margin_m / scale, simplified.tolerance_m / scale
     valid, _ = repaired(planar)

@@ -41,11 +41,6 @@ class CaseTask:
         measures = load_artefact(self.measures_path, Measures)
         return None if plan is None or measures is None else replace(plan, measures=measures)
 
-    def stored_failure(self) -> str | None:
-        """Return why the stored plan has no route, or ""; None if the store has no result."""
-        found = self.result()
-        return None if found is None else found.failure
-
     def make(self) -> Status:
         """Plan and measure the case; an error becomes a failure."""
         return status_of(self.case, lambda: self.planned(stored_case(self)).failure)
@@ -78,27 +73,18 @@ def plan_cases(
 ) -> Artefact[tuple[CaseResult, ...]]:
     """Plan each case and measure its routes; a case that fails does not stop the others.
 
-    Returns the results of all cases, in the scenario's order.
+    Returns the results of all cases, in the scenario's order. Raises PipelineError if no case has a
+    plan; NoWayError if a wider region might have a way.
 
     Parameters
     ----------
-    chosen
-        The complete scenario, its data and its cases.
-    land
-        The simplified land.
-    on_case
-        Called at the end of each case whose result was not in the store.
-    scheduler, limit_s
-        Where the tasks run, see `run_tasks`, and the time limit of each, s.
-    meanwhile
-        Called before planning, unless the store has all results; it starts work for other threads.
-    on_step
-        Called with the steps of the cases that are planned in threads of this process.
-
-    Raises
-    ------
-    PipelineError
-        No case has a plan; NoWayError if a wider region might have a way.
+    chosen : the complete scenario, its data and its cases.
+    land : the simplified land.
+    on_case : called at the end of each case whose result was not in the store.
+    scheduler, limit_s : where the tasks run, see `run_tasks`, and the time limit of each, s.
+    meanwhile : called before planning, unless the store has all results; it starts work for other
+        threads.
+    on_step : called with the steps of the cases that are planned in threads of this process.
     """
     tasks = list(_tasks(chosen, land, store))
     cases = {case.name: case for case in chosen.cases.value}

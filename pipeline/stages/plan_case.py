@@ -7,16 +7,8 @@ from dataclasses import replace
 from functools import partial
 
 import renew
+from pipeline import model
 from pipeline.findings.text import number, planner_text
-from pipeline.model import (
-    Case,
-    CaseResult,
-    Energy,
-    EnsembleFigures,
-    ReplanFigures,
-    VoyageBefore,
-    plan_options,
-)
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.lanes import keeping_lanes
@@ -40,46 +32,41 @@ _SURE = 0.95
 
 
 def plan_case(
-    case: Case,
+    case: model.Case,
     options: PlannerOptions,
     on_step: OnStep = ignore_step,
     havens: Sequence[renew.Haven] = (),
-) -> CaseResult:
+) -> model.CaseResult:
     """Plan a case and measure its routes; if there is no plan, `failure` has the reason.
 
     Parameters
     ----------
-    options
-        On a chart, with the clearance that the run has chosen.
-    on_step
-        Called with the case's name and each step of its plan, whose path is in lon/lat degrees.
-    havens
-        Under way the reason says which of them to turn off to.
+    options : on a chart, with the clearance that the run has chosen.
+    on_step : called with the case's name and each step of its plan, whose path is in lon/lat
+        degrees.
+    havens : under way the reason says which of them to turn off to.
     """
     result = planned(case, options, on_step, havens)
     return replace(result, measures=measured(case, result, options))
 
 
 def planned(
-    case: Case,
+    case: model.Case,
     options: PlannerOptions,
     on_step: OnStep = ignore_step,
     havens: Sequence[renew.Haven] = (),
-) -> CaseResult:
+) -> model.CaseResult:
     """Plan a case, without the measures of its routes; see `plan_case`."""
     return keeping_lanes(case, lambda one: _planned(one, options, on_step, havens))
 
 
 def _planned(
-    case: Case,
-    options: PlannerOptions,
-    on_step: OnStep,
-    havens: Sequence[renew.Haven],
-) -> CaseResult:
+    case: model.Case, options: PlannerOptions, on_step: OnStep, havens: Sequence[renew.Haven]
+) -> model.CaseResult:
     """Plan a case once."""
     started = time.perf_counter()
     scale, arrive_by_s = case.projection.scale, math.inf
-    asked = plan_options(options, scale, min_lateness=MIN_LATENESS_S)
+    asked = model.plan_options(options, scale, min_lateness=MIN_LATENESS_S)
     ensemble = again = None
     planned_by = partial(case.planned, asked)
 
@@ -97,12 +84,14 @@ def _planned(
             elif case.members is not None:
                 found = case.planned_ensemble(case.members, asked)
                 plan = found.plan
-                ensemble = EnsembleFigures.of(found, lambda reason: planner_text(reason, case))
+                ensemble = model.EnsembleFigures.of(
+                    found, lambda reason: planner_text(reason, case)
+                )
             else:
                 plan = planned_by(arrive_by_s)
     except renew.PlanningError as error:
         return _failed(case, error, asked, time.perf_counter() - started)
-    result = CaseResult(
+    result = model.CaseResult(
         case.name,
         plan,
         "",
@@ -112,7 +101,7 @@ def _planned(
         replanned=again,
     )
     failure = refusal(case.water, result)
-    return CaseResult(case.name, None, failure, result.seconds) if failure else result
+    return model.CaseResult(case.name, None, failure, result.seconds) if failure else result
 
 
 # What begins the list of remedies in an error that names the reasons of all classes.
@@ -120,8 +109,8 @@ _REMEDIES = "To find a route"
 
 
 def _failed(
-    case: Case, error: renew.PlanningError, options: renew.PlanOptions, seconds: float
-) -> CaseResult:
+    case: model.Case, error: renew.PlanningError, options: renew.PlanOptions, seconds: float
+) -> model.CaseResult:
     """Return the result of a case without a plan."""
     # In a wider region ways are longer, so a vessel that comes too late comes later still.
     is_shut = (
@@ -131,10 +120,10 @@ def _failed(
         and not is_shut_in(case, error.straits, _smallest_padding(error, case, options))
     )
     reason = reason_text(error, case, refuses=options.shortfall == "refuse")
-    return CaseResult(case.name, None, reason, seconds, is_shut)
+    return model.CaseResult(case.name, None, reason, seconds, is_shut)
 
 
-def reason_text(error: renew.PlanningError, case: Case, *, refuses: bool = False) -> str:
+def reason_text(error: renew.PlanningError, case: model.Case, *, refuses: bool = False) -> str:
     """Return the reason why there is no plan: of those of many classes one, with one remedy.
 
     A plan that `refuses` may be asked for with as much padding as there is room for.
@@ -173,7 +162,7 @@ def reason_text(error: renew.PlanningError, case: Case, *, refuses: bool = False
 
 
 def _smallest_padding(
-    error: renew.UnreachableError, case: Case, options: renew.PlanOptions
+    error: renew.UnreachableError, case: model.Case, options: renew.PlanOptions
 ) -> float:
     """Return a width, planar metres; hardly any padding of the refused classes is narrower."""
     paddings = [max(one.padding_left, one.padding_right) for one in error.straits]
@@ -182,18 +171,15 @@ def _smallest_padding(
 
 
 def _replanned(
-    case: Case,
-    before: VoyageBefore,
+    case: model.Case,
+    before: model.VoyageBefore,
     options: renew.PlanOptions,
     havens: Sequence[renew.Haven] = (),
-) -> tuple[renew.Plan, ReplanFigures]:
+) -> tuple[renew.Plan, model.ReplanFigures]:
     """Return the plan from where the vessel is on, and what it changes.
 
-    Raises
-    ------
-    renew.PlanningError
-        There is no way to the goal, with the ways to havens; or the vessel can't be where it is
-        said to be.
+    Raises renew.PlanningError if there is no way to the goal, with the ways to havens; or the
+    vessel can't be where it is said to be.
     """
     asked = Request.of(
         case.chart,
@@ -220,7 +206,7 @@ def _replanned(
         raise cause if not found.turn_offs else _turns_off(found.turn_offs, cause, case.energy)
     kept, scale = found.kept, case.projection.scale
     reason = found.rejected[0] if kept is None and found.rejected else None
-    return found.plan, ReplanFigures(
+    return found.plan, model.ReplanFigures(
         answer="kept" if found.answer == "kept" else "switched",
         fuel=found.fuel,
         kept_fuel=math.nan if kept is None else kept.fuel,
@@ -239,15 +225,12 @@ def _replanned(
 
 
 def _turns_off(
-    ways: Sequence[renew.TurnOff], cause: renew.PlanningError, energy: Energy | None
+    ways: Sequence[renew.TurnOff], cause: renew.PlanningError, energy: model.Energy | None
 ) -> renew.PlanningError:
     """Return the error that names the havens that are in reach, and why no way leads on."""
     needs = [f"{number(way.fuel * energy.units)} {energy.unit}, " if energy else "" for way in ways]
     named = [
-        Text(
-            f"{{0}} ({need}in {{1}})",
-            (Text(way.haven.name), Duration(way.arrival)),
-        )
+        Text(f"{{0}} ({need}in {{1}})", (Text(way.haven.name), Duration(way.arrival)))
         for way, need in zip(ways, needs, strict=True)
     ]
     error = renew.UnreachableError(

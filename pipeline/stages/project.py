@@ -37,18 +37,9 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import MembersSpec
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
+from pipeline.stages import places
 from pipeline.stages.lanes import kept_lanes
 from pipeline.stages.limits import FlowAt, anchorage, limited_fields, over_limits
-from pipeline.stages.places import (
-    area_identities,
-    check_endpoints,
-    planar_stops,
-    plane_current,
-    plane_water,
-    shut_areas,
-    shut_polygons,
-    tidal_depth,
-)
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
@@ -72,12 +63,8 @@ def projected(
 ) -> Artefact[tuple[Case, ...]]:
     """Build a scenario's cases, or load them from the store.
 
-    With a voyage `before`, the keys of the currents depend on it, too.
-
-    Raises
-    ------
-    RequestError
-        For the reasons of `project`, or the no-go zone leaves no water.
+    With a voyage `before`, the keys of the currents depend on it, too. Raises RequestError for the
+    reasons of `project`, or if the no-go zone leaves no water.
     """
 
     def make() -> tuple[Case, ...]:
@@ -104,37 +91,33 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     clocks = {season.name: season.first_departure for season in scenario.seasons}
     tide = None if scenario.tide is None else (scenario.tide, stations_of(scenario.tide))
     datum = scenario.chart.datum
-    avoid = area_identities(scenario.avoid)
+    avoid = places.area_identities(scenario.avoid)
     return {**inputs, "avoid": avoid, "clocks": clocks, "tide": tide, "datum": datum}
 
 
 def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) -> tuple[Case, ...]:
     """Build a case for each season of the scenario that has a current.
 
-    Raises
-    ------
-    RequestError
-        Start or goal is on land, or they lie in different bodies of water; all faults are listed.
-    renew.GeometryError
-        The no-go zone leaves no water.
+    Raises RequestError if start or goal is on land, or they lie in different bodies of water; all
+    faults are listed; renew.GeometryError if the no-go zone leaves no water.
     """
     water = water_of(scenario, fetched.land, simplified)
     grids = {grid.case: grid for grid in fetched.currents}
-    shut = shut_polygons(scenario.avoid, fetched.land.zones, water.projection)
-    tide = tidal_depth(scenario.tide, scenario.chart, fetched.land, simplified, water)
+    shut = places.shut_polygons(scenario.avoid, fetched.land.zones, water.projection)
+    tide = places.tidal_depth(scenario.tide, scenario.chart, fetched.land, simplified, water)
     has_hours = (
         scenario.tide is not None
         or scenario.limits is not None
         or any(area.has_hours for area in scenario.avoid)
     )
-    stops = planar_stops(scenario, water)
+    stops = places.planar_stops(scenario, water)
     cases = []
     for season in scenario.seasons:
         grid = grids.get(season.name)
         if grid is None and not water.is_planar:
             continue
         if grid is None:
-            current: Current = plane_current(season, water.chart.extent)
+            current: Current = places.plane_current(season, water.chart.extent)
         else:
             current = planar_current(grid, water.projection, water.chart.bounds)
         grids_of = fetched.weather.get(season.name, {})
@@ -158,7 +141,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                 current_cells=None if grid is None else grid.cells,
                 departure=season.first_departure if depends_on_date else None,
                 areas=(
-                    *shut_areas(shut, season.first_departure),
+                    *places.shut_areas(shut, season.first_departure),
                     *over_limits(weather, water.projection, water.chart.extent),
                 ),
                 weather=weather,
@@ -188,7 +171,7 @@ def flow_of(water: Water, current: Current) -> FlowAt:
 def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Water:
     """Build the chart in the plane; errors are those of `project`."""
     if scenario.plane is not None:
-        return plane_water(scenario, scenario.plane)
+        return places.plane_water(scenario, scenario.plane)
     if scenario.region is None:
         raise ValueError("the region is chosen before")
     region = scenario.region.shape
@@ -211,7 +194,7 @@ def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Wate
         depths=land.depths,
         added_m=simplified.margin_m + simplified.tolerance_m,
     )
-    check_endpoints(scenario, water)
+    places.check_endpoints(scenario, water)
     _ = chart.open_water  # worked out before it is stored: each case's bound needs it
     return water
 

@@ -121,15 +121,10 @@ def covered_by_currents(
 ) -> tuple[Bounds, tuple[str, ...]]:
     """Return the bounds that the first usable source of every case covers, and what limits them.
 
-    The second value is the source that limits each side, as in SIDES; "" for the world's edge.
-    A usable source is available and covers start and goal. A case without a usable source is
-    ignored here, and fails later. Downloads are cached in `folder`.
-
-    Raises
-    ------
-    RequestError
-        No case has a usable source, with a line for each reason; or the cases' sources have no
-        water in common.
+    The second value is the source that limits each side, as in SIDES; "" for the world's edge. A
+    usable source is available and covers start and goal. A case without a usable source is ignored
+    here, and fails later. Downloads are cached in `folder`. Raises RequestError if no case has a
+    usable source, with a line for each reason; or the cases' sources have no water in common.
     """
     middle = (direct.start[0] + direct.goal[0]) / 2
     world = (max(middle - 180, -180), -MAX_LATITUDE, min(middle + 180, 360), MAX_LATITUDE)
@@ -299,10 +294,7 @@ class ChosenRegion:
 def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenRegion:
     """Choose the region of a scenario from its positions, chart and currents.
 
-    Raises
-    ------
-    RequestError
-        No usable source of currents covers start and goal.
+    Raises RequestError if no usable source of currents covers start and goal.
     """
     lines = [DirectLine.between(*ends) for ends in pairwise(scenario.stops.values())]
     folder = store.root / DOWNLOADS

@@ -83,29 +83,20 @@ def simplify_land(
 ) -> SimplifiedLand:
     """Simplify land to disjoint, valid polygons that cover it, and to others that lie inside it.
 
+    Raises StageError if the result failed a check.
+
     Parameters
     ----------
-    polygons
-        Land near the region, lon/lat degrees; may overlap or be invalid.
-    region
-        Lon/lat degrees. Land that meets its edge extends a little beyond it in the result.
-    margin_m, accuracy_m
-        The margin asked for and the coast's position error (true metres); the larger is applied.
-    tolerance_m
-        Largest distance of the simplified coast from the land with its margin (true metres);
-        default: `chosen_tolerance_m`.
-    turning_radius_m
-        The vessel's turning radius (true metres), for the choice of the tolerance.
-    endpoints
-        Start, goal (lon, lat) of each leg in turn. They stay in water, and connected, if they are
-        so on the original land.
-    projection
-        The planner's plane, in which edges will be straight; by default the region's own.
-
-    Raises
-    ------
-    StageError
-        The result failed a check.
+    polygons : land near the region, lon/lat degrees; may overlap or be invalid.
+    region : lon/lat degrees. Land that meets its edge extends a little beyond it in the result.
+    margin_m, accuracy_m : the margin asked for and the coast's position error (true metres); the
+        larger is applied.
+    tolerance_m : largest distance of the simplified coast from the land with its margin (true
+        metres); default: `chosen_tolerance_m`.
+    turning_radius_m : the vessel's turning radius (true metres), for the choice of the tolerance.
+    endpoints : start, goal (lon, lat) of each leg in turn. They stay in water, and connected, if
+        they are so on the original land.
+    projection : the planner's plane, in which edges will be straight; by default the region's own.
     """
     used_margin_m, notes = _margin_used(margin_m, accuracy_m)
     plane = replace(projection or Projection.for_region(region), scale=1.0)
@@ -123,11 +114,7 @@ def simplify_land(
     window = extent.buffer(overlap_m + planar_m + tolerance_m, join_style="mitre")
     land = _planar_land(polygons, plane, window)
     cover = opened(
-        covering_land(land, tolerance_m, planar_m, ends),
-        land,
-        extent,
-        ends,
-        planar_m + tolerance_m,
+        covering_land(land, tolerance_m, planar_m, ends), land, extent, ends, planar_m + tolerance_m
     )
     outer, inner, charted = (
         polygons[shapely.intersects(extent, polygons)]

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from pipeline.errors import StageError, one_line
 from pipeline.machine.cluster import fleet
@@ -37,8 +37,8 @@ class StoredTask(WorkerTask, Protocol):
         """The file that has the case, among others."""
         ...
 
-    def stored_failure(self) -> str | None:
-        """Return the failure in the store's result, "" for a success; None without a result."""
+    def result(self) -> Any:  # noqa: ANN401 - each kind of task has its own
+        """Load the result from the store; None without one. It may have a `failure`."""
         ...
 
 
@@ -87,18 +87,13 @@ def run_tasks(
 
     Parameters
     ----------
-    tasks
-        Independent of each other.
-    scheduler
-        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks run in
-        threads of this process, because a new process would take as long to import as a plan
+    tasks : independent of each other.
+    scheduler : address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks
+        run in threads of this process, because a new process would take as long to import as a plan
         takes. Tasks with a time limit run in processes, because a process can be killed.
-    on_status
-        Called in the caller's thread.
-    work
-        Does a task in a thread of this process, and returns its failure or "".
-    limit_s
-        Time limit of a task, s.
+    on_status : called in the caller's thread.
+    work : does a task in a thread of this process, and returns its failure or "".
+    limit_s : time limit of a task, s.
     """
     if not tasks:
         return
@@ -131,19 +126,12 @@ def _run_in_threads(
 
 
 def _run_on_scheduler(
-    tasks: Sequence[StoredTask],
-    address: str,
-    on_status: Callable[[Status], None],
-    limit_s: float,
+    tasks: Sequence[StoredTask], address: str, on_status: Callable[[Status], None], limit_s: float
 ) -> None:
     """Run tasks on a scheduler's workers.
 
-    If the scheduler or all workers die, the unfinished tasks are reported as failed.
-
-    Raises
-    ------
-    StageError
-        The scheduler can't be reached or has no workers, or a worker can't plan.
+    If the scheduler or all workers die, the unfinished tasks are reported as failed. Raises
+    StageError if the scheduler can't be reached or has no workers, or a worker can't plan.
     """
     waiting = _Tasks(tasks, on_status, tries=_TRIES)
     with fleet(address, tasks[0].cases_path, limit_s) as workers:
@@ -188,12 +176,9 @@ class _Tasks:
     def give_up(self, error: StageError) -> None:
         """Report each open task: with its result if the store has one, otherwise as crashed."""
         for task in tuple(self._open.values()):
-            failure = task.stored_failure()
-            self._end(
-                Status(task.case, str(error), crashed=True)
-                if failure is None
-                else Status(task.case, failure, crashed=False)
-            )
+            found = task.result()
+            failure = str(error) if found is None else getattr(found, "failure", "")
+            self._end(Status(task.case, failure, crashed=found is None))
 
     def _end(self, status: Status) -> None:
         """Report a task's status."""

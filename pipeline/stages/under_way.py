@@ -41,10 +41,8 @@ _GEOD = pyproj.Geod(ellps="WGS84")
 def scenario_before(voyage: UnderWay) -> Scenario:
     """Return the scenario whose plan the vessel sails, as it lies beside the results.
 
-    Raises
-    ------
-    RequestError
-        It was edited since the run, so that its plan is not the one that is sailed.
+    Raises RequestError if it was edited since the run, so that its plan is not the one that is
+    sailed.
     """
     finished = finished_season(Path(voyage.results), voyage.season)
     file, ran = finished.folder / "scenario.toml", finished.scenario
@@ -67,10 +65,8 @@ def scenario_before(voyage: UnderWay) -> Scenario:
 def case_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
     """Return the case that is sailed alone, out of all that its scenario has.
 
-    Raises
-    ------
-    RequestError
-        It can't be planned again, or its data are others now than those of the results.
+    Raises RequestError if it can't be planned again, or its data are others now than those of the
+    results.
     """
     where, name = f"RESULTS: {shown(voyage.results)}", voyage.season
     own = tuple(one for one in chosen.scenario.seasons if one.name == name)
@@ -141,10 +137,7 @@ class PlanSailed:
     def ahead(self, asked: Scenario) -> Scenario:
         """Return the scenario asked for, with the via points that are still ahead.
 
-        Raises
-        ------
-        RequestError
-            The vessel is too far off the plan.
+        Raises RequestError if the vessel is too far off the plan.
         """
         case, line = self.case, shapely.LineString(self.route.path)
         here = case.projection.to_plane(asked.start)
@@ -281,10 +274,8 @@ class FinishedSeason:
 def finished_season(results: Path, season: str) -> FinishedSeason:
     """Find a season in a folder of results; "" is the only one that was planned.
 
-    Raises
-    ------
-    RequestError
-        The folder isn't one of a finished run, has no such season, or is that of a plane.
+    Raises RequestError if the folder isn't one of a finished run, has no such season, or is that of
+    a plane.
     """
     folder = expanded(results, "RESULTS")
     manifest = _read(folder / MANIFEST)

@@ -278,12 +278,9 @@ def choose_region(
 
     Parameters
     ----------
-    direct
-        Its start and goal must lie inside the limits.
-    mask_of
-        Returns the land inside bounds.
-    limits
-        Bounds of the currents, which the region does not exceed.
+    direct : its start and goal must lie inside the limits.
+    mask_of : returns the land inside bounds.
+    limits : bounds of the currents, which the region does not exceed.
     """
     reach_m = max(_REACH_SHARE * direct.distance_m, _MIN_REACH_M)
     for _ in range(_SEARCHES):

@@ -21,13 +21,7 @@ from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.scenario.strict import validated
 from pipeline.sources.registry import current_source
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
-from pipeline.voyage.positions import (
-    Position,
-    continued,
-    joined,
-    spelled,
-    voyage_name,
-)
+from pipeline.voyage import positions
 from pipeline.voyage.request import SNAP_M, VoyageRequest, read_voyage
 from pipeline.voyage.table import help_text, options, spelling
 
@@ -164,21 +158,18 @@ def run_or_keep(request: VoyageRequest, scenario: Scenario, **reports: Any) -> O
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     """Return the scenario of a request, without a region, and notes on ambiguous positions.
 
-    Raises
-    ------
-    RequestError
-        The message has a line for each fault.
+    Raises RequestError with a line for each fault.
     """
-    start, goal = joined(request.start, request.goal)
-    via = tuple(continued(point, start.lon) for point in request.via)
+    start, goal = positions.joined(request.start, request.goal)
+    via = tuple(positions.continued(point, start.lon) for point in request.via)
     about = _given(members=request.members, current_variables=request.current_variables)
     planner = {"snap": request.snap_m, "shortfall": request.shortfall}
     planner |= _given(adrift=request.adrift)
     widths = {"clearance": request.clearance_m, "padding": request.padding}
     data: dict[str, Any] = {
         "schema_version": 1,
-        "name": request.name or voyage_name(start, goal),
-        "title": f"{spelled(start)} to {spelled(goal)}",
+        "name": request.name or positions.voyage_name(start, goal),
+        "title": f"{positions.spelled(start)} to {positions.spelled(goal)}",
         "vessel": _vessel(request).model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
@@ -260,7 +251,9 @@ def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
     )
 
 
-def _seasons(request: VoyageRequest, ends: tuple[Position, Position]) -> Iterator[dict[str, Any]]:
+def _seasons(
+    request: VoyageRequest, ends: tuple[positions.Position, positions.Position]
+) -> Iterator[dict[str, Any]]:
     """Yield the [[seasons]] tables: of each month, of still water, or of a departure."""
     if not request.is_steady:
         yield _changing_season(request)
@@ -329,7 +322,7 @@ def _changing_season(request: VoyageRequest) -> dict[str, Any]:
     }
 
 
-def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:
+def _known_currents(month: str, ends: tuple[positions.Position, positions.Position]) -> list[str]:
     """Return the sources of the catalogue with currents of a month between start and goal.
 
     The service comes first; without an account, a table that comes with RENEW replaces it.

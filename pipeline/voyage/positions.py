@@ -117,10 +117,7 @@ _Coordinate = tuple[float, str]
 def halves(words: Sequence[str]) -> tuple[str, str]:
     """Return the texts of start and goal from the arguments of a command line, half for each.
 
-    Raises
-    ------
-    RequestError
-        The number of arguments is odd or 0.
+    Raises RequestError if the number of arguments is odd or 0.
     """
     if len(words) < 2 or len(words) % 2:
         given = " ".join(word.strip() for word in words)
@@ -164,11 +161,7 @@ def read_position(given: str | tuple[float, float]) -> Position:
     """Read one position: a text, or two numbers, degrees.
 
     Without letters of hemispheres, longitude comes first unless only the other order is possible.
-
-    Raises
-    ------
-    ValueError
-        It can't be read; the message has the text, the reason and the remedy.
+    Raises ValueError if it can't be read; the message has the text, the reason and the remedy.
     """
     text = given.strip() if isinstance(given, str) else f"{given[0]!r},{given[1]!r}"
     try:

@@ -95,10 +95,7 @@ class GivenRoute:
 def read_route(path: Path) -> GivenRoute:
     """Read the first route of a file, or the first track or line.
 
-    Raises
-    ------
-    RequestError
-        The file can't be read, or has no route.
+    Raises RequestError if the file can't be read, or has no route.
     """
     try:
         why = unreadable_reason(path) or ""

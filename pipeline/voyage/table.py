@@ -1,4 +1,4 @@
-"""Tables of options: dataclasses whose fields are annotated with an `Option`.
+"""Tables of options: dataclasses whose fields `options.toml` describes.
 
 The command line, the page's form with its HTTP interface, QGIS's tools and Python's functions are
 made from the fields of one dataclass, and `read` makes an instance from what any of them was given.
@@ -6,8 +6,9 @@ It is no pydantic model, because the command line is made from it and has to sta
 which takes as long to load as all the rest.
 """
 
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal, TypeVar
@@ -24,42 +25,31 @@ _Table = TypeVar("_Table")
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """An option of a command, a form or a function, besides its type: a field's annotation.
+    """An option of a command, a form or a function, besides its type.
 
     Parameters
     ----------
-    group
-        Heading under which the option stands in help and form; "" for an argument.
-    help
-        What it does; "{depart}" stands for another option as the asker writes it.
-    label, example
-        Its name in a form, by default made of `name`; and an example, or what is chosen if nothing
-        is.
-    read
-        Makes the typed value from a text; a value that is typed already stays. It raises
+    group : heading under which the option stands in help and form; "" for an argument.
+    help : what it does; "{depart}" stands for another option as the asker writes it.
+    label, example : its name in a form, by default made of `name`; and an example, or what is
+        chosen if nothing is.
+    read : makes the typed value from a text; a value that is typed already stays. It raises
         RequestError, or ValueError with a fault as each argument; the option's name is added.
-    kind
-        What is given: a "source" is a name of the catalogue or a file, a "place" a position.
-    field, default, is_required
-        The field, its default, and whether it has none; `options` fills them in.
-    name
-        Its name on the command line and in JSON, if it is not the field's name, which is the
+    kind : what is given: a "source" is a name of the catalogue or a file, a "place" a position.
+    field, default, is_required : the field, its default, and whether it has none.
+    name : its name on the command line and in JSON, if it is not the field's name, which is the
         argument in Python.
-    metavar
-        What stands for its value in the help of the command line.
-    most
-        Largest number of values; 0 for an option that takes a single value.
-    section
-        Section of the catalogue with the names to choose from.
-    layer
-        Geometry of the layer that QGIS offers for a file.
-    is_of_run
-        True if it says how a job is run, not what is planned: a server sets it for all plans.
+    metavar : what stands for its value in the help of the command line.
+    most : largest number of values; 0 for an option that takes a single value.
+    section : section of the catalogue with the names to choose from.
+    layer : geometry of the layer that QGIS offers for a file.
+    is_of_run : true if it says how a job is run, not what is planned: a server sets it for all
+        plans.
     """
 
-    field: str = ""
-    default: Any = None
-    is_required: bool = False
+    field: str
+    default: Any
+    is_required: bool
     group: str
     help: str
     label: str = ""
@@ -102,14 +92,24 @@ class Option:
         return [word for given in values or () if given for word in (self.typed, str(given))]
 
 
+_ABOUT = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+
+
 def options(table: type[Any]) -> tuple[Option, ...]:
     """Return the options of a table in their order."""
     listed = []
     for field in fields(table):
-        (option,) = table.__annotations__[field.name].__metadata__
+        readers = getattr(table.__annotations__[field.name], "__metadata__", ())
         is_required = field.default is MISSING
-        default = None if is_required else field.default
-        listed.append(replace(option, field=field.name, default=default, is_required=is_required))
+        listed.append(
+            Option(
+                field=field.name,
+                default=None if is_required else field.default,
+                is_required=is_required,
+                **_ABOUT[table.__name__][field.name],
+                **({"read": readers[0]} if readers else {}),
+            )
+        )
     return tuple(listed)
 
 
@@ -137,12 +137,7 @@ def read(
     Empty values are left out. `rules` yields the faults between options: it is called with the
     values that could be read and with all values as they were given, None for an option that was
     left out, and with the spelling. `known` are faults found before; a required value may then be
-    None.
-
-    Raises
-    ------
-    RequestError
-        The message has a line for each fault, with its option as the asker writes it.
+    None. Raises RequestError with a line for each fault, with its option as the asker writes it.
     """
     at = spelling(table, asker)
     asked: dict[str, Any] = {}

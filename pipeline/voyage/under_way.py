@@ -47,13 +47,9 @@ def under_way_scenario(
 ) -> tuple[Scenario, tuple[str, ...]]:
     """Return the scenario of the voyage ahead, with notes on how the request was understood.
 
-    `finished` are the results that the request names, if they have been read already.
-
-    Raises
-    ------
-    RequestError
-        The results are damaged or of a plane, or the request does not go with them; one line for
-        each fault.
+    `finished` are the results that the request names, if they have been read already. Raises
+    RequestError if the results are damaged or of a plane, or the request does not go with them; one
+    line for each fault.
     """
     finished = finished or finished_season(request.results, request.season)
     left = _departed(finished, request)
@@ -83,10 +79,7 @@ def _departed(finished: FinishedSeason, request: UnderWayRequest) -> datetime:
 
 
 def _table(
-    data: dict[str, Any],
-    finished: FinishedSeason,
-    request: UnderWayRequest,
-    left: datetime,
+    data: dict[str, Any], finished: FinishedSeason, request: UnderWayRequest, left: datetime
 ) -> dict[str, Any]:
     """Return the scenario's table for the rest of the voyage."""
     names = [one["name"] for one in finished.scenario["seasons"]]
@@ -175,10 +168,7 @@ class Fix:
 def last_fix(file: Path) -> Fix | None:
     """Return the last position in a file that grows; None if none is near its end.
 
-    Raises
-    ------
-    OSError
-        The file can't be read.
+    Raises OSError if the file can't be read.
     """
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)

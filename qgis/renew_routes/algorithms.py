@@ -10,6 +10,11 @@ from typing import ClassVar
 import processing
 from qgis.core import (
     QgsCoordinateReferenceSystem,
+    QgsFeature,
+    QgsField,
+    QgsFields,
+    QgsGeometry,
+    QgsPointXY,
     QgsProcessing,
     QgsProcessingAlgorithm,
     QgsProcessingContext,
@@ -21,17 +26,20 @@ from qgis.core import (
     QgsProcessingParameterBoolean,
     QgsProcessingParameterDateTime,
     QgsProcessingParameterDefinition,
+    QgsProcessingParameterEnum,
+    QgsProcessingParameterFeatureSink,
     QgsProcessingParameterFeatureSource,
     QgsProcessingParameterFile,
     QgsProcessingParameterFolderDestination,
     QgsProcessingParameterPoint,
     QgsProcessingParameterString,
     QgsProcessingUtils,
+    QgsWkbTypes,
 )
-from qgis.PyQt.QtCore import QTimer
+from qgis.PyQt.QtCore import QDateTime, Qt, QTimer, QVariant
 
 from .program import run
-from .voyage import DEFAULT_VESSEL, go_command, voyage_options
+from .voyage import DEFAULT_VESSEL, typed, voyage_options
 
 _DEGREES = "EPSG:4326"
 # Property of a layer: its package, and its rank among those shown.
@@ -86,6 +94,13 @@ class _Algorithm(QgsProcessingAlgorithm):
     """What the algorithms share: the folder of results, and what is shown of them."""
 
     NAME, TITLE, HELP = "", "", ""
+    RESULTS = (
+        (QgsProcessingOutputFile, "GEOPACKAGE", "Routes and all other layers"),
+        (QgsProcessingOutputFile, "REPORT", "Report"),
+        (QgsProcessingOutputNumber, "FUEL", "Fuel of the best route"),
+        (QgsProcessingOutputNumber, "LENGTH_M", "Length of the best route, m"),
+        (QgsProcessingOutputString, "DEPARTURE", "Departure, where there is one"),
+    )
 
     def createInstance(self):
         """Return a new one, as QGIS asks before each run."""
@@ -112,11 +127,8 @@ class _Algorithm(QgsProcessingAlgorithm):
         more.setFlags(more.flags() | QgsProcessingParameterDefinition.FlagAdvanced)
         self.addParameter(more)
         self.addParameter(QgsProcessingParameterFolderDestination("OUTPUT", "Folder of results"))
-        self.addOutput(QgsProcessingOutputFile("GEOPACKAGE", "Routes and all other layers"))
-        self.addOutput(QgsProcessingOutputFile("REPORT", "Report"))
-        self.addOutput(QgsProcessingOutputNumber("FUEL", "Fuel of the best route"))
-        self.addOutput(QgsProcessingOutputNumber("LENGTH_M", "Length of the best route, m"))
-        self.addOutput(QgsProcessingOutputString("DEPARTURE", "Departure, where there is one"))
+        for kind, name, label in self.RESULTS:
+            self.addOutput(kind(name, label))
 
     def inputs(self):
         """Return the parameters of the algorithm."""
@@ -126,13 +138,17 @@ class _Algorithm(QgsProcessingAlgorithm):
         """Return the command line for some values of the parameters."""
         raise NotImplementedError
 
-    def processAlgorithm(self, parameters, context, feedback):
-        """Plan, and show the layers."""
+    def answer(self, parameters, context, feedback):
+        """Run the command; return its answer, a dictionary."""
         output = Path(self.parameterAsString(parameters, "OUTPUT", context))
         output.mkdir(parents=True, exist_ok=True)
         more = shlex.split(self.parameterAsString(parameters, "MORE", context))
-        command = [*self.command(parameters, context, feedback), "--output", str(output), *more]
-        answer = run(command, feedback)
+        command = self.command(parameters, context, feedback)
+        return run([*command, "--output", str(output), *more], feedback)
+
+    def processAlgorithm(self, parameters, context, feedback):
+        """Plan, and show the layers."""
+        answer = self.answer(parameters, context, feedback)
         folder = Path(answer["directory"])
         package = folder / "routes.gpkg"
         self._show(package, context)
@@ -160,11 +176,11 @@ class _Algorithm(QgsProcessingAlgorithm):
                 details.setPostProcessor(styled)
                 context.addLayerToLoadOnCompletion(f"{package}|layername={name}", details)
 
-    def in_degrees(self, parameters, name, context, feedback):
+    def in_degrees(self, parameters, name, context, feedback, ending="gpkg"):
         """Write a layer to a file in degrees; return its path, "" without a layer."""
         if not parameters.get(name):
             return ""
-        file = QgsProcessingUtils.generateTempFilename(f"{name.lower()}.gpkg")
+        file = QgsProcessingUtils.generateTempFilename(f"{name.lower()}.{ending}")
         done = processing.run(
             "native:reprojectlayer",
             {"INPUT": parameters[name], "TARGET_CRS": _DEGREES, "OUTPUT": file},
@@ -175,36 +191,41 @@ class _Algorithm(QgsProcessingAlgorithm):
         return done["OUTPUT"]
 
 
+# QGIS refuses words that its usual filter does not match, such as "still".
+_ANY = "All files (*)"
 # Names of parameters that are not those of their options.
 _OWN_NAMES = {"charts": "LAND", "avoid": "SHUT"}
+# Name of the parameter for a vessel that is not in the list.
+_OWN_FILE = "VESSEL_FILE"
 # Options that stand above "Advanced parameters".
 _FIRST = (
     *("start", "goal", "vessel", "month", "depart", "until", "arrive_by", "currents", "charts"),
-    *("avoid", "depths", "draught", "havens", "within"),
+    *("avoid", "depths", "draught", "havens", "within", "members"),
 )
 _GEOMETRIES = {
     "polygon": QgsProcessing.TypeVectorPolygon,
     "point": QgsProcessing.TypeVectorPoint,
 }
 
+_KINDS = {
+    "place": QgsProcessingParameterPoint,
+    "time": QgsProcessingParameterDateTime,
+    "flag": partial(QgsProcessingParameterBoolean, defaultValue=False),
+    "text": QgsProcessingParameterString,
+    **dict.fromkeys(("file", "source"), partial(QgsProcessingParameterFile, fileFilter=_ANY)),
+}
+
 
 def _parameter(option, *, required):
     """Return the parameter for an option of a voyage."""
-    name, label, kind = _name(option), option["label"], option["kind"]
-    optional = not required
-    if kind == "place":
-        return QgsProcessingParameterPoint(name, label)
-    if kind == "time":
-        return QgsProcessingParameterDateTime(name, f"{label} (UTC)", optional=optional)
-    if kind == "flag":
-        return QgsProcessingParameterBoolean(name, label, defaultValue=False)
-    if option["layer"]:
-        geometries = [_GEOMETRIES[option["layer"]]]
-        return QgsProcessingParameterFeatureSource(name, label, geometries, optional=True)
-    if kind == "file":
-        return QgsProcessingParameterFile(name, label, optional=True)
-    default = DEFAULT_VESSEL if option["name"] == "vessel" else None
-    return QgsProcessingParameterString(name, label, defaultValue=default, optional=True)
+    label = f"{option['label']} (UTC)" if option["kind"] == "time" else option["label"]
+    make = _KINDS[option["kind"]]
+    if "choices" in option:
+        listed = {"options": option["choices"], "defaultValue": DEFAULT_VESSEL}
+        make = partial(QgsProcessingParameterEnum, usesStaticStrings=True, **listed)
+    elif option["layer"]:
+        make = partial(QgsProcessingParameterFeatureSource, types=[_GEOMETRIES[option["layer"]]])
+    return make(_name(option), label, optional=not required)
 
 
 def _name(option):
@@ -215,6 +236,7 @@ def _name(option):
 class _Voyage(_Algorithm):
     """A voyage between two points, by `renew go`."""
 
+    COMMAND = "go"
     # Options that this algorithm needs, and those that it does not ask for.
     REQUIRED, WITHOUT = ("start", "goal"), ()
 
@@ -235,15 +257,19 @@ class _Voyage(_Algorithm):
                 advanced = QgsProcessingParameterDefinition.FlagAdvanced
                 parameter.setFlags(parameter.flags() | advanced)
             parameters.append(parameter)
+            if "choices" in option:
+                label = f"{option['label']} of your own, a TOML file"
+                parameters.append(QgsProcessingParameterFile(_OWN_FILE, label, optional=True))
         return parameters
 
     def command(self, parameters, context, feedback):
-        """Return `renew go` with its options."""
+        """Return the command with its options."""
         options = self.voyage_options()
         texts = {
             option["name"]: self.text(option, parameters, context, feedback) for option in options
         }
-        return go_command(options, texts)
+        own = self.parameterAsString(parameters, _OWN_FILE, context)
+        return [self.COMMAND, *typed(options, {**texts, "vessel": own or texts["vessel"]})]
 
     def text(self, option, parameters, context, feedback):
         """Return an option's value as the command takes it; "" where none is given."""
@@ -297,6 +323,102 @@ class WhenToLeave(_Voyage):
         return results
 
 
+class CheckARoute(_Voyage):
+    """A route that the user has already, by `renew check-route`."""
+
+    NAME, TITLE, COMMAND = "check", "Check a route", "check-route"
+    HELP = (
+        "Says what a route of yours costs in fuel and time, and whether it is safe: of a file, or "
+        "the first line of a layer. Beside it stand the least-fuel route of its own side and the "
+        "best of all. A departure that is left out is the one that the file states."
+    )
+    REQUIRED = ()
+    # What a route of one's own leaves open, or says itself.
+    WITHOUT = tuple(one["name"] for one in voyage_options() if "only_plans" in one)
+    RESULTS = (
+        (QgsProcessingOutputNumber, "FUEL", "Fuel"),
+        (QgsProcessingOutputNumber, "LENGTH_M", "Length, m"),
+        (QgsProcessingOutputNumber, "DURATION_S", "Time under way, s"),
+        (QgsProcessingOutputString, "SAID", "What was found"),
+    )
+    # Columns of the places, with their types.
+    FIELDS: ClassVar = {
+        **dict.fromkeys(("season", "what", "name"), QVariant.String),
+        "length_m": QVariant.Double,
+        **dict.fromkeys(("passed_at", "stated"), QVariant.DateTime),
+    }
+
+    def inputs(self):
+        """Return the route, as a file or a layer, and a parameter for each option."""
+        lines = [QgsProcessing.TypeVectorLine]
+        return [
+            QgsProcessingParameterFile("FILE", "Route: GPX, RTZ or GeoJSON", optional=True),
+            QgsProcessingParameterFeatureSource(
+                "LINE", "Or a layer of lines", lines, optional=True
+            ),
+            *super().inputs(),
+            QgsProcessingParameterFeatureSink("PLACES", "Places along the route"),
+        ]
+
+    def command(self, parameters, context, feedback):
+        """Return `renew check-route` with the file, or one of the layer, and the options."""
+        file = self.parameterAsString(parameters, "FILE", context) or self.in_degrees(
+            parameters, "LINE", context, feedback, "geojson"
+        )
+        if not file:
+            raise QgsProcessingException("Give a route: a file, or a layer of lines.")
+        command, *options = super().command(parameters, context, feedback)
+        return [command, file, *options]
+
+    def processAlgorithm(self, parameters, context, feedback):
+        """Check, say what was found, and list the places."""
+        seasons = self.answer(parameters, context, feedback)["seasons"]
+        said = [line for season in seasons for line in season["said"]]
+        for line in said:
+            feedback.pushInfo(line)
+        fields = QgsFields()
+        for name, kind in self.FIELDS.items():
+            fields.append(QgsField(name, kind))
+        degrees = QgsCoordinateReferenceSystem(_DEGREES)
+        point = QgsWkbTypes.Point
+        sink, places = self.parameterAsSink(parameters, "PLACES", context, fields, point, degrees)
+        for row in (row for season in seasons for row in _places(season)):
+            feature = QgsFeature()
+            feature.setAttributes([row.get(name) for name in self.FIELDS])
+            feature.setGeometry(QgsGeometry.fromPointXY(QgsPointXY(row["lon"], row["lat"])))
+            sink.addFeature(feature)
+        first = seasons[0]
+        return {
+            "PLACES": places,
+            "FUEL": first["fuel"],
+            "LENGTH_M": first["length_m"],
+            "DURATION_S": first["duration_s"],
+            "SAID": "\n".join(said),
+        }
+
+
+def _places(season):
+    """Yield the points of a checked route, then where it is not safe, as rows with lon and lat."""
+    of = {"season": season["season"]}
+    for point in season["points"]:
+        times = {name: point[key] for name, key in (("passed_at", "passed"), ("stated", "stated"))}
+        moments = {
+            name: QDateTime.fromString(time, Qt.ISODate) for name, time in times.items() if time
+        }
+        yield {**of, **point, "what": "point", **dict.fromkeys(times), **moments}
+    for what in ("crosses", "against_lanes"):
+        for one in season[what]:
+            yield {**of, **one, **one["place"], "what": what.replace("_", " ")}
+    # Turns are simulated every few metres; one place in about 100 m is enough on a map.
+    met = {
+        (round(one["lon"], 3), round(one["lat"], 3)): one for one in season["turns_meet_land_from"]
+    }
+    for place in met.values():
+        yield {**of, **place, "what": "a turn meets land"}
+    if season["nearest"]:
+        yield {**of, **season["nearest"], "what": "land is nearest"}
+
+
 class Scenario(_Algorithm):
     """A scenario's routes, by `renew run`."""
 
@@ -308,8 +430,8 @@ class Scenario(_Algorithm):
         return [
             QgsProcessingParameterString("SCENARIO", "Scenario: a name, or a TOML file"),
             QgsProcessingParameterFile("CHARTS", "Charts, in place of its own", optional=True),
-            QgsProcessingParameterString(
-                "CURRENTS", "Currents, in place of its own", optional=True
+            QgsProcessingParameterFile(
+                "CURRENTS", "Currents, in place of its own", optional=True, fileFilter=_ANY
             ),
         ]
 

@@ -3,7 +3,7 @@
 from processing.core.ProcessingConfig import ProcessingConfig, Setting
 from qgis.core import QgsApplication, QgsProcessingProvider
 
-from .algorithms import RouteFromAToB, Scenario, WhenToLeave
+from .algorithms import CheckARoute, RouteFromAToB, Scenario, WhenToLeave
 from .program import SETTING
 
 
@@ -34,7 +34,7 @@ class Provider(QgsProcessingProvider):
 
     def loadAlgorithms(self):
         """Add the algorithms."""
-        for algorithm in (RouteFromAToB, Scenario, WhenToLeave):
+        for algorithm in (RouteFromAToB, WhenToLeave, CheckARoute, Scenario):
             self.addAlgorithm(algorithm())
 
 

@@ -1,4 +1,4 @@
-"""The options of a voyage, and the command line of `renew go`; nothing here needs QGIS."""
+"""The options of a voyage, and how they are typed; nothing here needs QGIS."""
 
 import json
 from pathlib import Path
@@ -13,8 +13,8 @@ def voyage_options():
     return json.loads(Path(__file__).with_name("options.json").read_text("utf-8"))
 
 
-def go_command(options, texts):
-    """Return `renew go` with the options of a voyage; `texts` are their values by name.
+def typed(options, texts):
+    """Return options of a voyage as they are typed, positions first; `texts` are values by name.
 
     The vessel that QGIS offers is left out if any figure of another vessel is given. A range of
     speeds, such as 4kn..9kn, is no figure of a vessel: the planner chooses from it.
@@ -35,4 +35,4 @@ def go_command(options, texts):
             values = text.split(";") if option["several"] else [text]
             given = [value.strip() for value in values if value.strip()]
             command += [word for value in given for word in (option["option"], value)]
-    return ["go", *places, *command]
+    return [*places, *command]

@@ -67,8 +67,8 @@ _MAX_DEPTH_FIRST_STEPS = 100_000
 class _Roads:
     """Roadmaps of the water for one order of classes, `clearance` m off land.
 
-    Legs with less room than `narrow[0]` m cost more: without any, `narrow[1]` times as much beside
-    their own cost.
+    Legs with less room than `narrow[0]` m cost more than on the roadmaps of `plain`: without any,
+    `narrow[1]` times as much beside their own cost.
     """
 
     voyage: Voyage
@@ -76,10 +76,13 @@ class _Roads:
     order: Order
     clearance: float
     narrow: tuple[float, float] = (0.0, 0.0)
+    plain: "_Roads | None" = None
 
     @cached_property
     def everywhere(self) -> Roadmap:
         """Nodes over the whole water, and legs."""
+        if self.plain:
+            return self._dearer_in_narrows(self.plain.everywhere)
         return self.roadmap(self.voyage, resolution_for(self.voyage, self.triangulation))
 
     @cached_property
@@ -113,7 +116,7 @@ class _Roads:
             resolution=resolution,
             tube=tube,
         )
-        return self._dearer_in_narrows(graph) if self.narrow[1] else graph
+        return self._dearer_in_narrows(graph) if self.plain else graph
 
     def _dearer_in_narrows(self, graph: Roadmap) -> Roadmap:
         """Return a roadmap whose legs take longer the less room they have, so that few are used."""
@@ -156,9 +159,7 @@ class ClassEnumerator:
         triangulation: Triangulation,
         rays: Rays,
         order: Order,
-        *,
         clearance: float = 0.0,
-        narrow: tuple[float, float] = (0.0, 0.0),
     ) -> "ClassEnumerator":
         """Return the enumerator of the classes that rays distinguish.
 
@@ -172,8 +173,7 @@ class ClassEnumerator:
                 voyage.start,
                 voyage.goal,
             )
-        roads = _Roads(voyage, triangulation, order, clearance, narrow)
-        return cls(voyage, triangulation, rays, roads)
+        return cls(voyage, triangulation, rays, _Roads(voyage, triangulation, order, clearance))
 
     @classmethod
     def through(cls, voyage: Voyage, parts: "Sequence[ClassEnumerator]") -> "ClassEnumerator":
@@ -194,6 +194,12 @@ class ClassEnumerator:
     def by_rays(self, rays: Rays) -> "ClassEnumerator":
         """Return the enumerator of the classes that other rays distinguish."""
         return replace(self, _rays=rays, parts=tuple(part.by_rays(rays) for part in self.parts))
+
+    def dearer_in_narrows(self, room: float, by: float) -> "ClassEnumerator":
+        """Return the enumerator whose legs cost up to 1 + `by` times as much, with less room, m."""
+        parts = tuple(part.dearer_in_narrows(room, by) for part in self.parts)
+        roads = replace(self._roads, narrow=(room, by), plain=self._roads)
+        return replace(self, _roads=roads, parts=parts)
 
     def up_to(self, dearest: float) -> "ClassEnumerator":
         """Return the enumerator without channels that cost over `dearest` times the best one."""

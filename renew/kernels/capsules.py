@@ -340,7 +340,9 @@ def track_distances(
                 for k in range(len(xs) - 1):
                     leg = Segment(xs[k], ys[k], xs[k + 1], ys[k + 1])
                     least[p] = min(least[p], _square_apart(leg, axis))
-    return np.where(least < 0.0, -1.0, np.sqrt(np.maximum(least, 0.0)))
+    # The square of a crossing is -1. These compile in a tenth of the time of np.where.
+    apart: FloatArray = np.sign(least) * np.sqrt(np.abs(least))
+    return apart
 
 
 @small_kernel

@@ -129,7 +129,8 @@ def room_at(points: FloatArray, triangulation: Triangulation, reach: float) -> F
     if room.size:
         found, distance = triangulation.constrained_edge_tree.query_nearest(
             shapely.points(points.reshape(-1, 2)),
-            max_distance=reach,
+            # GEOS takes several times as long with an infinite distance as with none.
+            max_distance=reach if reach < math.inf else None,
             return_distance=True,
             all_matches=False,
         )

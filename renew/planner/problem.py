@@ -61,7 +61,7 @@ class Problem:
     Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
     classes keep their names. Roadmaps are taken from `base`, a problem at another departure. Where
     no way keeps the padding, `kept` is the share that one can keep everywhere, and legs without
-    room cost `dearer` times as much beside their own cost.
+    room cost `dearer` times as much beside their own cost on the roadmaps of `plain`.
     """
 
     voyage: Voyage
@@ -70,17 +70,23 @@ class Problem:
     base: "Problem | None" = None
     kept: float = 1.0
     dearer: float = 0.0
+    plain: "Problem | None" = None
+
+    @property
+    def _shared(self) -> "Problem | None":
+        """The problem whose water is this one's, if there is one."""
+        return self.first or self.plain
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
         """Water where the current is as strong as the vessel."""
-        return self.first.overpowered_water if self.first else overpowered_water(self.voyage)
+        return self._shared.overpowered_water if self._shared else overpowered_water(self.voyage)
 
     @cached_property
     def adrift_water(self) -> AdriftWater | None:
         """Water from which a vessel without thrust is on land too soon; None without a limit."""
-        if self.first:
-            return self.first.adrift_water
+        if self._shared:
+            return self._shared.adrift_water
         if not self.options.adrift:
             return None
         water = AdriftWater.of(self.voyage, self.options.adrift, self.options.adrift_ends)
@@ -91,8 +97,8 @@ class Problem:
     @cached_property
     def triangulation(self) -> Triangulation:
         """Triangles of the water that is neither overpowered nor too close to land adrift."""
-        if self.first:
-            return self.first.triangulation
+        if self._shared:
+            return self._shared.triangulation
         chart, shut, adrift = self.voyage.chart, self.overpowered_water, self.adrift_water
         if adrift is None or adrift.closed.is_empty:
             return triangulation_of(chart) if shut.is_empty else triangulate(chart, closed=shut)
@@ -122,15 +128,15 @@ class Problem:
     @cached_property
     def all_rays(self) -> Rays:
         """Rays of all islands."""
-        if self.first:
-            return self.first.all_rays
+        if self._shared:
+            return self._shared.all_rays
         return Rays.of(self.voyage.chart, self.overpowered_water)
 
     @cached_property
     def reach(self) -> TurnReach:
         """Upper bound on the reach of hard-over turns."""
-        if self.first:
-            return self.first.reach
+        if self._shared:
+            return self._shared.reach
         tables = [one.table for one in self.voyage.in_members]
         return TurnReach.of_all(tables, self.voyage.vessel)
 
@@ -158,16 +164,18 @@ class Problem:
 
         def least_time(steps: int) -> float:
             radius = self.voyage.vessel.turning_radius
-            return self.scout(self.options.likely_width(radius, steps / _STEPS)).least_time
+            # Roadmaps are large: none of these is kept.
+            return self._new_scout(self.options.likely_width(radius, steps / _STEPS)).least_time
 
         low, high, latest = 0, _STEPS, MUCH_MORE * least_time(0)
         while high - low > 1:
             middle = (low + high) // 2
             has_way = least_time(middle) <= latest < math.inf
             low, high = (middle, high) if has_way else (low, middle)
-        short, most = replace(self, kept=low / _STEPS), math.inf
+        short = plain = replace(self, kept=low / _STEPS)
+        most = math.inf
         for dearer in (0.0, *_DEARER):
-            tried = replace(short, dearer=dearer)
+            tried = replace(plain, dearer=dearer, plain=plain) if dearer else plain
             ways = tried.scout(tried.likely_width).channels(1)
             rough = [one.found_by.points for one in ways if one.found_by is not None]
             fuel = min(map(self.voyage.fuel, rough), default=math.inf)
@@ -188,7 +196,7 @@ class Problem:
 
     def with_voyage(self, voyage: Voyage) -> "Problem":
         """Return the problem of another voyage in the same water."""
-        return replace(self, voyage=voyage, first=self.first or self, base=None)
+        return replace(self, voyage=voyage, first=self.first or self, base=None, plain=None)
 
     @cached_property
     def without_adrift(self) -> "Problem":
@@ -208,14 +216,24 @@ class Problem:
 
     def scout(self, clearance: float) -> ClassEnumerator:
         """Return the enumerator of the classes that all islands distinguish."""
-        if clearance not in self._scouts and self.base is not None:
-            self._scouts[clearance] = self.base.scout(clearance).leaving(self.voyage)
-        elif clearance not in self._scouts:
-            voyage, stops = self.voyage, len(self.voyage.stops)
-            parts = [voyage.part(at, voyage.departure) for at in range(stops - 1)]
-            scouts = [self._scout(part, clearance) for part in parts]
-            self._scouts[clearance] = ClassEnumerator.through(voyage, scouts)
+        if clearance not in self._scouts:
+            if self.base is not None:
+                self._scouts[clearance] = self.base.scout(clearance).leaving(self.voyage)
+            else:
+                self._scouts[clearance] = self._new_scout(clearance)
         return self._scouts[clearance]
+
+    def _new_scout(self, clearance: float) -> ClassEnumerator:
+        """Return an enumerator with a roadmap of its own, or with that of the plain problem."""
+        voyage = self.voyage
+        if self.plain is not None:
+            found = self.plain.scout(clearance)
+        else:
+            stops = range(len(voyage.stops) - 1)
+            scouts = [self._scout(voyage.part(at, voyage.departure), clearance) for at in stops]
+            found = ClassEnumerator.through(voyage, scouts)
+        room = NEEDED * voyage.vessel.turning_radius
+        return found.dearer_in_narrows(room, self.dearer) if self.dearer else found
 
     def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
         """Return the enumerator of a voyage, or a part of it, without via points."""
@@ -224,9 +242,7 @@ class Problem:
         rays = self.all_rays
         order, water = self.options.order, self.triangulation
         try:
-            narrow = NEEDED * voyage.vessel.turning_radius, self.dearer
-            width = clearance + slack
-            return ClassEnumerator.of(voyage, water, rays, order, clearance=width, narrow=narrow)
+            return ClassEnumerator.of(voyage, water, rays, order, clearance + slack)
         except UnreachableError:
             if self.adrift_water is not None:
                 way = self.without_adrift.scout(0.0).channels(1)[0]

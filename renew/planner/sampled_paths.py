@@ -239,25 +239,30 @@ def harmonic_mean(fuels: FloatArray) -> float:
     return float(len(fuels) / (1 / fuels).sum())
 
 
-# Ratio to the least length without room up to which another route is as short.
-_AS_SHORT = 1.1
+# Metres of voyage that a metre without room for a hard-over turn counts as.
+_NARROW = 10.0
 
 
 def chosen_class(routes: Sequence[Route]) -> int:
     """Return the index of the route whose class has the least harmonic mean (h* of the paper).
 
     The optimal method has one path per class, whose fuel is the harmonic mean. So it chooses the
-    least-fuel route. Where the water is narrow, it chooses the one with the least shortfall of
-    those that don't need much more.
+    least-fuel route. Where the water is narrow, routes that need much more are left out, then those
+    with a greater shortfall at their tightest place, by more than the step in which it is measured.
+    Of the others, stretches without room count by their length: routes that leave one quay lack
+    about as much room there, and a little less of it is not worth a long way.
     """
     every = range(len(routes))
     most = MUCH_MORE * min(route.harmonic_mean for route in routes)
     near = [at for at in every if routes[at].harmonic_mean <= most]
-    worst = min(routes[at].lacking[0] for at in near)
-    near = [at for at in near if routes[at].lacking[0] == worst]
-    longest = _AS_SHORT * min(routes[at].lacking[1] for at in near)
-    near = [at for at in near if routes[at].lacking[1] <= longest]
-    return min(near, key=lambda at: routes[at].harmonic_mean)
+    least = min(routes[at].lacking[0] for at in near)
+    near = [at for at in near if routes[at].lacking[0] <= least + (least > 0)]
+
+    def counted(at: int) -> float:
+        share = routes[at].lacking[1] / routes[at].length if least else 0.0
+        return routes[at].harmonic_mean * (1 + _NARROW * share)
+
+    return min(near, key=counted)
 
 
 # Number of sampled chains, least fuel first, that are tried for steering.

@@ -510,7 +510,7 @@ def _drawn(
         if radii[k] > 0:
             steps[k] = max(1, math.ceil(abs(turns[k]) / _DISC_STEP))
     points = np.empty((steps.sum(), 2))
-    disc = np.repeat(np.arange(last + 1), steps)
+    disc = np.empty(len(points), dtype=np.int64)
     at = 0
     for k in range(last + 1):
         outer = radii[k] / math.cos(turns[k] / steps[k] / 2)
@@ -519,6 +519,7 @@ def _drawn(
             outwards = middle - sides[k] * math.pi / 2
             points[at, 0] = centres[k, 0] + outer * math.cos(outwards)
             points[at, 1] = centres[k, 1] + outer * math.sin(outwards)
+            disc[at] = k
             at += 1
     return points, disc
 

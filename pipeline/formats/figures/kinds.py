@@ -52,21 +52,14 @@ def draw(
 ) -> list[Path]:
     """Draw figures of cases to `folder/<case>-<figure>.<form>`; return the files.
 
+    Raises StageError if the figures can't be written.
+
     Parameters
     ----------
-    result, cases
-        The run's result, and those of its cases that are drawn; all have a route.
-    folder
-        Where the files are written; it is made if it does not exist.
-    kinds, form
-        The kinds of figures, all if empty; and the format of their files.
-    width
-        Width of a journal's column, of its page, or of a screen.
-
-    Raises
-    ------
-    StageError
-        The figures can't be written.
+    result, cases : the run's result, and those of its cases that are drawn; all have a route.
+    folder : where the files are written; it is made if it does not exist.
+    kinds, form : the kinds of figures, all if empty; and the format of their files.
+    width : width of a journal's column, of its page, or of a screen.
     """
     files = []
     about = result.scenario.title or result.scenario.name

@@ -190,7 +190,7 @@ def _draw_current(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatA
 def _draw_clearance(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
     """Draw the distance to no-go areas, their padding, and the least distance."""
     unit, unit_m = distance_unit(float(at.clearance_m.max()))
-    clearance, padding = at.clearance_m / unit_m, _padding_m(ranked, at) / unit_m
+    clearance, (padding, turns) = at.clearance_m / unit_m, _padding_m(ranked, at) / unit_m
     least = int(np.argmin(clearance))
     min_padding = _MIN_PADDING_SHARE * clearance[least]
     shown = np.concatenate([clearance, padding[padding > min_padding]])
@@ -202,12 +202,15 @@ def _draw_clearance(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: Floa
     else:
         axes.set_ylim(0, 1.1 * high)
     floor = axes.get_ylim()[0]
-    axes.fill_between(run, padding, floor, color=COLOURS["soft"], alpha=0.45, linewidth=0)
+    rooms = {"soft": padding, **({"turning": turns} if (turns < padding).any() else {})}
+    for role, room in rooms.items():
+        axes.fill_between(run, room, floor, color=COLOURS[role], alpha=0.45, linewidth=0)
     draw_line(axes, run, np.maximum(clearance, floor))
     mark_point(axes, run[least], max(clearance[least], floor), "best", (5.0, 1.6))
     least_text = kept(at.clearance_m[least])
     text = f"Distance to {ranked.metrics.no_go_name}, {unit}: least {least_text}"
-    plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
+    said = "grey: its padding" if len(rooms) == 1 else "grey: padding, red: turns"
+    plot_title(axes, text, said if padding.max() > floor else "")
 
 
 def _draw_water(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArray) -> None:
@@ -225,22 +228,21 @@ def _draw_water(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: FloatArr
     axes.set_ylim(0, 1.2 * max(float(np.nanmax(water, initial=kept_m)), kept_m))
     least = ranked.metrics.least_water_m
     plot_title(
-        axes,
-        f"Water under the keel, m: least {least:.1f}",
-        f"dashed: to be kept, {plain(kept_m)}",
+        axes, f"Water under the keel, m: least {least:.1f}", f"dashed: to be kept, {plain(kept_m)}"
     )
 
 
 def _padding_m(ranked: RankedRoute, at: RouteProfile) -> FloatArray:
-    """Return the padding (n,), true metres, of the constrained edge nearest to each point."""
+    """Return padding, and what of it turns need (2, n), m, of the edge nearest to each point."""
     padded = ranked.route.padding_used
     projection = ranked.case.case.projection
     if not len(padded):
-        return np.zeros(len(at.lonlat))
+        return np.zeros((2, len(at.lonlat)))
     edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
     points = shapely.points(projection.to_plane(at.lonlat))
     nearest = shapely.STRtree(edges).query_nearest(points, all_matches=False)[1]
-    return np.asarray(padded[nearest, 4] * projection.scale)
+    rooms = np.array([padded[:, 4], ranked.route.turn_padding.clip(min=0.0)])
+    return np.asarray(rooms[:, nearest] * projection.scale)
 
 
 def distance_unit(longest_m: float) -> tuple[str, float]:

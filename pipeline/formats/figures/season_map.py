@@ -58,12 +58,7 @@ def chart_layers(axes: Axes, result: RunResult) -> list[Artist]:
         patch(
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         ),
-        patch(
-            visible(shoals, detail),
-            facecolor=COLOURS["shoal"],
-            edgecolor="none",
-            zorder=4,
-        ),
+        patch(visible(shoals, detail), facecolor=COLOURS["shoal"], edgecolor="none", zorder=4),
         # The smallest are visible only by their edges.
         patch(
             hazards,

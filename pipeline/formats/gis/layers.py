@@ -368,7 +368,7 @@ def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list
 
 
 def _waypoints(result: RunResult) -> list[Waypoints]:
-    """Return waypoints of all routes; none of a planar scenario, which lies nowhere on earth."""
+    """Return waypoints of routes; none of a planar scenario, which lies nowhere on earth."""
     if result.scenario.is_planar:
         return []
     return [points for case in result.cases for points in case_waypoints(case)]

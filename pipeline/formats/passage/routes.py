@@ -1,7 +1,7 @@
 """Routes for plotters, phones, Google Earth and an ECDIS: GPX, KML, and RTZ by IEC 61174.
 
 `<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
-`-all` has all routes of the case. GPX has no speed on a route, and OpenCPN ignores the times of
+`-all` has all that one may follow. GPX has no speed on a route, and OpenCPN ignores the times of
 its points: the speed, and the departure if there is one, are in the extensions that OpenCPN reads.
 
 Google Earth draws straight lines between points as great circles, so legs are drawn in small steps.
@@ -104,9 +104,7 @@ def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
     """Return waypoints of a route, each describing the leg that leaves it."""
     ranked = points.ranked
     route = gpxpy.gpx.GPXRoute(
-        name=route_name(ranked),
-        description=_summary(points.metrics, ranked),
-        number=ranked.rank,
+        name=route_name(ranked), description=_summary(points.metrics, ranked), number=ranked.rank
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
         point = gpxpy.gpx.GPXRoutePoint(
@@ -160,8 +158,7 @@ def _track(ranked: RankedRoute, departure: datetime | None) -> gpxpy.gpx.GPXTrac
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
     track = gpxpy.gpx.GPXTrack(
-        name=f"{route_name(ranked)}, as planned",
-        description=_summary(ranked.metrics, ranked),
+        name=f"{route_name(ranked)}, as planned", description=_summary(ranked.metrics, ranked)
     )
     track.segments = [segment]
     return track
@@ -270,11 +267,7 @@ def write_rtz(case: RunCase, path: Path, *, departure: datetime | None = None) -
 
     The stem of the file becomes the route's name, since ECDIS want the two to be equal. Without a
     departure (and its time zone) the file has the speed and duration of each leg, but no times.
-
-    Raises
-    ------
-    ValueError
-        A departure without a time zone.
+    Raises ValueError for a departure without a time zone.
     """
     text = rtz_text(case_waypoints(case)[0], path.stem, departure)
     path.write_text(text, encoding="utf-8")

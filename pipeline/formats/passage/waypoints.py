@@ -12,14 +12,9 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, IntArray
+from pipeline.findings import route_profile
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RankedRoute, RunCase, RunResult, route_caveats
-from pipeline.findings.route_profile import (
-    at_speeds_sailed,
-    cumulative,
-    mean_speed,
-    steps_along_legs,
-)
 from pipeline.findings.text import capitalised, duration
 from pipeline.formats.passage.safe_corridor import (
     DECIMALS,
@@ -121,7 +116,7 @@ class Waypoints:
 
 
 def case_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
-    """Return waypoints of a case's routes, best first.
+    """Return waypoints of a case's routes, best first: of those that are not dear, and each side's.
 
     Computed once for each run and cached with it, since every exchange format needs them.
     """
@@ -131,7 +126,7 @@ def case_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
         if case.routes:
             unite_soft_no_go([ranked.route for ranked in case.routes])
             obstacles = Obstacles(case.case)
-            cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.routes)
+            cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.followed)
     return cached[case.name]
 
 
@@ -201,8 +196,8 @@ def _described(
     radius = float(ranked.route.speeds.max()) / case.vessel.turn_rate
     turns = turning_radii(legs, corridor, min(radius, _MAX_RADIUS_M / float(true.max())))
     line, ends = legs.chain
-    steps = steps_along_legs(line, ranked)
-    time = cumulative(steps.true_s)[ends]
+    steps = route_profile.steps_along_legs(line, ranked)
+    time = route_profile.cumulative(steps.true_s)[ends]
     through_water = np.add.reduceat(steps.through_water_m_s * steps.planner_s, ends[:-1])
     through_water /= np.add.reduceat(steps.planner_s, ends[:-1])
     length = legs.length_m
@@ -215,18 +210,20 @@ def _described(
         course_deg=np.append(initial_course_deg(lonlat[:-1], lonlat[1:], curve), nothing),
         length_m=np.append(length, nothing),
         time_s=time,
-        speed_m_s=np.append(mean_speed(length, time), nothing),
+        speed_m_s=np.append(route_profile.mean_speed(length, time), nothing),
         through_water_m_s=np.append(through_water, nothing),
         port_m=np.append(np.minimum(port * true, MAX_CROSS_TRACK_M), nothing),
         starboard_m=np.append(np.minimum(starboard * true, MAX_CROSS_TRACK_M), nothing),
         radius_m=np.concatenate([[0.0], turns * np.minimum(true[:-1], true[1:]), [0.0]]),
-        fuel=cumulative(case.vessel.rates(steps.through_water_m_s) * steps.planner_s)[ends],
+        fuel=route_profile.cumulative(case.vessel.rates(steps.through_water_m_s) * steps.planner_s)[
+            ends
+        ],
     )
 
 
 def _fuel_along(line: FloatArray, ranked: RankedRoute) -> float:
     """Return the fuel along a line (n, 2) of the plane, in the planner's units."""
-    pieces, _, speeds = at_speeds_sailed(line, ranked)
+    pieces, _, speeds = route_profile.at_speeds_sailed(line, ranked)
     case, drift = ranked.case.case, ranked.case.scenario.planner.drift
     return renew.fuel(
         pieces, case.current, case.vessel, drift=drift, speeds=speeds, chart=case.chart
@@ -268,7 +265,7 @@ def _changes(speeds: FloatArray) -> list[int]:
 
 def _at_shares(lonlat: FloatArray, xy: FloatArray, shares: FloatArray) -> FloatArray:
     """Return positions (n, 2) at shares of a line's length in the plane, between its points."""
-    along = cumulative(np.linalg.norm(np.diff(xy, axis=0), axis=1))
+    along = route_profile.cumulative(np.linalg.norm(np.diff(xy, axis=0), axis=1))
     at = shares * along[-1]
     between = np.stack([np.interp(at, along, lonlat[:, axis]) for axis in (0, 1)], axis=-1)
     return np.round(between, DECIMALS)
@@ -377,10 +374,7 @@ def leg_text(points: Waypoints, leg: int) -> str:
 def time_after(departure: datetime, seconds: float) -> datetime:
     """Return the time (UTC, whole seconds) at `seconds` after departure.
 
-    Raises
-    ------
-    ValueError
-        A departure without a time zone, which is ambiguous.
+    Raises ValueError for a departure without a time zone, which is ambiguous.
     """
     if departure.tzinfo is None:
         raise ValueError(f"departure {departure.isoformat()} has no time zone; add one, such as Z")

@@ -192,6 +192,8 @@ _MAX_TURNS = 80
 _SOFT_TOLERANCE = 1 / 3000
 # Maximum number of vertices of all routes' soft no-go zones together.
 _MAX_SOFT_VERTICES = 40_000
+# The room for turns is given beside the route: up to its padding times this factor.
+_BESIDE = 1.5
 # Number of vertices above which the hard no-go zone is simplified.
 _MAX_NO_GO_VERTICES = 25_000
 # Tolerance of the simplified hard no-go zone, as a share of the chart's longer side.
@@ -344,6 +346,7 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
                     **_route(ranked, lattice),
                     **side,
                     "soft": lattice.rings(soft[case.name, ranked.rank]),
+                    "turnRoom": lattice.rings(turn_room(ranked)),
                 }
                 for ranked, side in zip(case.routes, numbered_sides(case), strict=True)
             ],
@@ -387,6 +390,18 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
         (ranked.case.name, ranked.rank): within(zones[i : i + 1], chart.extent)
         for i, ranked in enumerate(result.routes)
     }
+
+
+def turn_room(ranked: RankedRoute) -> Geometries:
+    """Return what of a soft no-go zone hard-over turns need, beside the route, if that is less."""
+    padded, turns = ranked.route.padding_used, ranked.route.turn_padding
+    if not (padded[:, 4] > turns).any():
+        return np.empty(0, dtype=object)
+    lines = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
+    path = shapely.LineString(ranked.route.path)
+    beside = (turns > 0) & shapely.dwithin(lines, path, _BESIDE * padded[:, 4].max())
+    areas = shapely.buffer(lines[beside], turns[beside], quad_segs=4)
+    return within(np.array([shapely.union_all(areas)]), ranked.case.run.water.chart.extent)
 
 
 def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:

@@ -118,7 +118,7 @@ def gather(result: RunResult) -> dict[str, Any]:
         "notices": [
             (title, items)
             for title, items in (
-                ("Land of another shoreline on the route", crossed),
+                ("Check the official chart: land of another shoreline on the route", crossed),
                 ("No room to turn hard over", narrow),
             )
             if items
@@ -184,7 +184,7 @@ def _doubts(result: RunResult) -> Iterator[Notice]:
         ),
     )
     yield (
-        "Land of another shoreline on other routes",
+        "Check the official chart: land of another shoreline on other routes",
         tuple(
             (case.title, f": {said}") for case in result.cases if (said := _crossed_beside(case))
         ),
@@ -212,14 +212,11 @@ def _lacking(grid: CurrentGrid) -> str:
     )
 
 
-_CHECK = "Check the official chart there: the places are on the map and below."
-
-
 def _crossed(case: RunCase) -> str:
     """Say how much of a case's best route crosses land of another shoreline."""
     best = [one.length_m for one in case.measures.shore_crossings if one.rank == 1]
     places = text.count(len(best), "place", "places")
-    return f"{text.distance(sum(best))} of the best route, at {places}. {_CHECK}"
+    return f"{text.distance(sum(best))} at {places}."
 
 
 def _crossed_beside(case: RunCase) -> str:
@@ -227,7 +224,7 @@ def _crossed_beside(case: RunCase) -> str:
     ranks = {one.rank for one in case.measures.shore_crossings}
     if not ranks or 1 in ranks:
         return ""
-    return f"parts of {text.count(len(ranks), 'route', 'routes')}, none of the best. {_CHECK}"
+    return f"parts of {text.count(len(ranks), 'route', 'routes')}, none of the best."
 
 
 def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
@@ -398,7 +395,7 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
 
     `excess` is above the best route's fuel; `bar_percent` is the length of its bar, 100 for the
     greatest. `of_still` is a share of the fuel that this way takes in still water, `of_shortest`
-    one of the fuel of the shortest way.
+    one of the fuel of the shortest way, `turns_m` the greatest padding for turns, true metres.
     """
     excesses = [one.metrics.fuel / routes[0].metrics.fuel - 1 for one in routes]
     largest = max(map(abs, excesses), default=0.0)
@@ -410,6 +407,7 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
             "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
             "of_still": one.metrics.fuel / one.metrics.still_fuel,
             "of_shortest": one.metrics.fuel / shortest.metrics.fuel,
+            "turns_m": one.case.case.projection.scale * one.route.turn_padding.max(initial=0.0),
         }
         for one, excess in zip(routes, excesses, strict=True)
         if shortest

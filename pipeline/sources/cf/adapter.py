@@ -29,6 +29,7 @@ from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, MemberGrid, Note
 from pipeline.model.inputs import CurrentSource, Issue, bilinear
 from pipeline.scenario.season import CYCLES, FILES, STILL, MembersSpec, Season, StreamConstants
+from pipeline.sources import plausibility
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import fatal_files, is_zarr, open_dataset
 from pipeline.sources.cf.fields import (
@@ -43,14 +44,6 @@ from pipeline.sources.cf.fields import (
     weak_cells,
 )
 from pipeline.sources.current_field import Field, LandMask, water_without_data
-from pipeline.sources.plausibility import (
-    OFFSHORE_CELLS,
-    Assessment,
-    assess_series,
-    assess_sizes,
-    count_misplaced,
-    dilated,
-)
 from pipeline.sources.quantities import CURRENT, Quantity
 from renew.vary.ensemble import FEWEST, QUANTILES
 
@@ -272,12 +265,8 @@ def read_checked_fields(
 ) -> tuple[Field, tuple[Note, ...]]:
     """Read the fields of selected steps, check each in a wide window, and keep its part in bounds.
 
-    Returns the fields of all times, and notes on them.
-
-    Raises
-    ------
-    RequestError
-        The file is damaged, or its fields can't be currents of the region.
+    Returns the fields of all times, and notes on them. Raises RequestError if the file is damaged,
+    or its fields can't be currents of the region.
     """
     name = name_of(contents.files)
     window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
@@ -301,9 +290,11 @@ def read_checked_fields(
                     yield wide
 
             if contents.quantity.is_current:
-                assessment = assess_series(fields(), selected.labels, mask, CURRENT.most)
+                assessment = plausibility.assess_series(
+                    fields(), selected.labels, mask, CURRENT.most
+                )
             else:
-                assessment = assess_sizes(fields(), selected.labels, contents.quantity)
+                assessment = plausibility.assess_sizes(fields(), selected.labels, contents.quantity)
     except ValueError as error:
         raise RequestError(str(error)) from None
     u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
@@ -318,7 +309,7 @@ def read_checked_fields(
     first.u[inside], first.v[inside] = field.u[0], field.v[0]
     assessment += _assess_gaps(first, mask, region.bounds)
     if field.gap.all():
-        assessment += Assessment(("it has no data in the region",))
+        assessment += plausibility.Assessment(("it has no data in the region",))
     if assessment.faults:
         reason = "; ".join(assessment.faults)
         raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
@@ -331,7 +322,7 @@ def read_checked_fields(
     return field, notes
 
 
-def _weather(field: Field, assessment: Assessment, name: str) -> Field:
+def _weather(field: Field, assessment: plausibility.Assessment, name: str) -> Field:
     """Return a field (nt, ny, nx) of wind or waves without gaps; RequestError if it is refused.
 
     A gap, as on land, gets the largest values around it, ring by ring: a limit is not exceeded
@@ -340,7 +331,7 @@ def _weather(field: Field, assessment: Assessment, name: str) -> Field:
     from scipy import ndimage
 
     if not assessment.faults and field.gap.all(axis=(1, 2)).any():
-        assessment = Assessment(("it has no data in the region at some of its times",))
+        assessment = plausibility.Assessment(("it has no data in the region at some of its times",))
     if assessment.faults:
         reason = "; ".join(assessment.faults)
         raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
@@ -370,7 +361,7 @@ def _zeros_on_land(
     if not zero.any():
         return None, ()
     is_land = mask.on_grid(fields[0].lon, fields[0].lat)
-    water = ~dilated(is_land, OFFSHORE_CELLS)
+    water = ~plausibility.dilated(is_land, plausibility.OFFSHORE_CELLS)
     if not is_land.any() or zero[is_land].mean() < _MIN_ZERO_LAND_SHARE or not water.any():
         return None, ()
     if zero[water].mean() > _MAX_ZERO_WATER_SHARE:
@@ -386,17 +377,17 @@ def _without(field: Field, cells: BoolArray | None) -> Field:
     return replace(field, u=u, v=v)
 
 
-def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
+def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> plausibility.Assessment:
     """Assess whether the region's open water has data, and its land has none."""
-    (gaps, water), (inland, dry) = count_misplaced(field, mask, region)
+    (gaps, water), (inland, dry) = plausibility.count_misplaced(field, mask, region)
     warnings: tuple[str, ...] = ()
     if inland > _FILLED_LAND_SHARE * max(dry, 1):
         warnings = ("it has data on land, so that a shift can't be detected",)
     share = gaps / max(water, 1)
     if share <= _GAP_FAULT_SHARE:
-        return Assessment((), warnings)
+        return plausibility.Assessment((), warnings)
     message = f"{share:.0%} of the region's open water has no data, which is too much to fill"
-    return Assessment((message,), warnings)
+    return plausibility.Assessment((message,), warnings)
 
 
 # Least number of members that have a mean.

@@ -331,12 +331,8 @@ def read_steps(
 ) -> TimeSteps:
     """Read a file's time coordinate, not yet decoded, with its bounds (n, 2) where it has them.
 
-    `about` is what `step_method` returns.
-
-    Raises
-    ------
-    ValueError
-        It is no time, or in another calendar than the real one.
+    `about` is what `step_method` returns. Raises ValueError if it is no time, or in another
+    calendar than the real one.
     """
     if time is None:
         return TimeSteps()
@@ -435,12 +431,8 @@ def merge_steps(
 ) -> tuple[TimeSteps, tuple[Step, ...]]:
     """Merge the steps of several files in their order in time; see `latest_steps`.
 
-    Also returns for each step the number of its file, and its index there.
-
-    Raises
-    ------
-    ValueError
-        Some have years and some not, or two steps have the same time.
+    Also returns for each step the number of its file, and its index there. Raises ValueError if
+    some have years and some not, or two steps have the same time.
     """
     index = [(file, i) for file, own in enumerate(files) for i in range(max(len(own.labels), 1))]
     kinds = {(bool(own.moments), bool(own.months)) for own in files}

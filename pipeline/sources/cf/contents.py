@@ -23,13 +23,7 @@ from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
 from pipeline.sources.cf import axes, grids, s100
-from pipeline.sources.cf.axes import (
-    TimeSteps,
-    merge_steps,
-    read_steps,
-    reference_time,
-    step_method,
-)
+from pipeline.sources.cf.axes import TimeSteps, merge_steps, read_steps, reference_time, step_method
 from pipeline.sources.cf.dataset import (
     check_values,
     fatal_files,
@@ -320,10 +314,7 @@ class Contents:
 def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
     """Find the files of paths and patterns, in their order.
 
-    Raises
-    ------
-    RequestError
-        A file does not exist or can't be read, or no file matches a pattern.
+    Raises RequestError if a file does not exist or can't be read, or no file matches a pattern.
     """
     files: list[Path] = []
     faults = []
@@ -350,12 +341,9 @@ def read_contents(
 ) -> Contents:
     """Read the contents of files that belong together; `index` as in `read_component`.
 
-    `asked` names the two variables that are the quantity; by default they are found.
-
-    Raises
-    ------
-    RequestError
-        They can't be read, or have no such field on a lon/lat grid: one line for each fault.
+    `asked` names the two variables that are the quantity; by default they are found. Raises
+    RequestError if they can't be read, or have no such field on a lon/lat grid: one line for each
+    fault.
     """
     if fatal := fatal_files(files):
         raise RequestError([f"{file.name}: {fault}" for file, fault in fatal.items()])

@@ -384,10 +384,7 @@ _FORMATS = {1: (">I", ">I"), 2: (">I", ">Q"), 5: (">Q", ">Q")}
 def missing_bytes(path: Path) -> int:
     """Return how many bytes a file ends before its last value; 0 where it is complete.
 
-    Raises
-    ------
-    ValueError, struct.error, LookupError
-        The header is damaged.
+    Raises ValueError, struct.error, LookupError if the header is damaged.
     """
     with path.open("rb") as file:
         count, position = _FORMATS[file.read(4)[3]]

@@ -63,21 +63,13 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def steps_of_season(
-    contents: Contents,
-    case: Season,
-    step: timedelta = LONGEST_STEP,
-    *,
-    with_mean: bool = True,
+    contents: Contents, case: Season, step: timedelta = LONGEST_STEP, *, with_mean: bool = True
 ) -> SelectedSteps:
     """Select the steps of files, or the harmonic constants, that make up a case's fields.
 
     `step` is the time between fields that are computed from harmonic constants, at its whole
     multiples in UTC; `with_mean` says whether they include the constants' mean, if there is one.
-
-    Raises
-    ------
-    ValueError
-        There are no steps, or some are missing during the voyage.
+    Raises ValueError if there are no steps, or some are missing during the voyage.
     """
     if contents.constituents:
         return _of_constants(contents, case, step, with_mean=with_mean)
@@ -89,10 +81,7 @@ def steps_of_season(
 def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSteps:
     """Select the steps that make up a period's one field.
 
-    Raises
-    ------
-    ValueError
-        No step fits the period; the message says which steps there are.
+    Raises ValueError if no step fits the period; the message says which steps there are.
     """
     middle = period.begin + (period.end - period.begin) / 2
     if steps.months:
@@ -217,12 +206,8 @@ def _of_constants(
 def select_all_steps(steps: TimeSteps, period: Period) -> SelectedSteps:
     """Select all steps from the one before a period's begin to the one after its end.
 
-    Each is a field of its own.
-
-    Raises
-    ------
-    ValueError
-        The period does not begin between two steps, or steps are missing in it.
+    Each is a field of its own. Raises ValueError if the period does not begin between two steps, or
+    steps are missing in it.
     """
     moments, departure = steps.moments, period.begin
     if len(moments) < 2:
@@ -406,13 +391,7 @@ class FieldReader:
         self._close_all_but(0)
 
     def field(self, weights: Mapping[int, float]) -> Field:
-        """Read the weighted sum of steps.
-
-        Raises
-        ------
-        ValueError
-            The file is damaged.
-        """
+        """Read the weighted sum of steps; ValueError if the file is damaged."""
         return next(self.fields([weights]))
 
     def fields(self, weights: Iterable[Mapping[int, float]]) -> Iterator[Field]:
@@ -624,10 +603,7 @@ def stream_steps(
 ) -> SelectedSteps:
     """Return the fields of a case inside bounds, with notes on them.
 
-    Raises
-    ------
-    ValueError
-        The file is damaged.
+    Raises ValueError if the file is damaged.
     """
     window = find_window(contents.lon, contents.lat, bounds)
     step, error_m_s = _time_step(contents, window, case)
@@ -694,10 +670,7 @@ def _age_notes(contents: Contents, departure: datetime) -> list[Note]:
 def weak_cells(contents: Contents, bounds: Bounds) -> BoolArray | None:
     """Return where constants explain too little variance (ny, nx); None if the file doesn't say.
 
-    Raises
-    ------
-    ValueError
-        The file is damaged.
+    Raises ValueError if the file is damaged.
     """
     part, _ = contents.u[0]
     window = find_window(contents.lon, contents.lat, bounds)

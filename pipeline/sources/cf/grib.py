@@ -21,15 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.sources.quantities import (
-    DIRECTION,
-    EAST,
-    NORTH,
-    QUANTITIES,
-    SIZE,
-    SPEED,
-    Quantity,
-)
+from pipeline.sources import quantities
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +29,11 @@ if TYPE_CHECKING:
 # Tables of edition 1 from this version on are a centre's own.
 _FIRST_LOCAL_TABLE = 128
 # Components that belong together, in the order of preference.
-_PAIRS = ((EAST, NORTH), (SPEED, DIRECTION), (SIZE, SIZE))
+_PAIRS = (
+    (quantities.EAST, quantities.NORTH),
+    (quantities.SPEED, quantities.DIRECTION),
+    (quantities.SIZE, quantities.SIZE),
+)
 _REGULAR = "regular_ll"
 # Depth of each kind of level, m per unit. A lone level of another kind counts as the surface.
 _DEPTHS_M = dict.fromkeys(("surface", "meanSea", "oceanSurface"), 0.0)
@@ -145,7 +141,7 @@ def _messages(path: Path, offset: int = 0) -> Iterator[Iterator[int]]:
         yield handles()
 
 
-def read_fields(path: Path, quantity: Quantity) -> Read:
+def read_fields(path: Path, quantity: quantities.Quantity) -> Read:
     """Read what a file says of a quantity; errors of the library where it is damaged."""
     fields, others, centre = [], dict[str, None](), ""
     at, part = -1, 0
@@ -167,7 +163,7 @@ def read_fields(path: Path, quantity: Quantity) -> Read:
 
 def check_values(path: Path) -> None:
     """Read all values that are known; errors of the library where they are damaged."""
-    for quantity in QUANTITIES:
+    for quantity in quantities.QUANTITIES:
         for field in read_fields(path, quantity)[0]:
             if field.grid.kind == _REGULAR and math.prod(field.grid.shape) <= _MAX_NODES:
                 _values(path, field)
@@ -266,13 +262,10 @@ def _values(path: Path, field: GribField) -> FloatArray:
     return lines.T if grid.by_column else lines
 
 
-def as_dataset(path: Path, read: Read, quantity: Quantity) -> "xr.Dataset":
+def as_dataset(path: Path, read: Read, quantity: quantities.Quantity) -> "xr.Dataset":
     """Return a quantity's fields as a dataset whose values are read when they are needed.
 
-    Raises
-    ------
-    ValueError
-        There are none, or they are not along time, latitude and longitude.
+    Raises ValueError if there are none, or they are not along time, latitude and longitude.
     """
     import xarray as xr
 
@@ -314,7 +307,7 @@ def as_dataset(path: Path, read: Read, quantity: Quantity) -> "xr.Dataset":
 
 
 def _uppermost(
-    fields: Sequence[GribField], others: Sequence[str], quantity: Quantity
+    fields: Sequence[GribField], others: Sequence[str], quantity: quantities.Quantity
 ) -> list[GribField]:
     """Return the fields of the uppermost level; ValueError where they can't be used."""
     if not fields:
@@ -325,7 +318,7 @@ def _uppermost(
         if there := [field for field in fields if field.level == level]:
             fields = there
             break
-    if kinds := sorted({field.kind for field in fields} - quantity.kinds):
+    if kinds := sorted({field.kind for field in fields}.difference(quantity.kinds)):
         raise ValueError(
             f"its fields are neither those of a time nor means ({', '.join(kinds)}); give such"
         )

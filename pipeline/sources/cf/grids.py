@@ -81,12 +81,8 @@ def grid_of(
 ) -> Axes | SourceMesh:
     """Return the axes of a variable, or the mesh that it is on.
 
-    `about` is what `coordinates` returns.
-
-    Raises
-    ------
-    ValueError
-        The file does not say where the values are.
+    `about` is what `coordinates` returns. Raises ValueError if the file does not say where the
+    values are.
     """
     mapping = dataset.variables.get(array.attrs.get("grid_mapping", ""))
     is_turned = mapping is not None and "rotated" in mapping.attrs.get("grid_mapping_name", "")
@@ -142,10 +138,7 @@ def _straight_axes(mesh: SourceMesh) -> Axes | None:
 def _cells_of_mesh(dataset: "xr.Dataset", array: "xr.DataArray", dim: str) -> SourceMesh:
     """Return the mesh on whose nodes or cells a variable is, along one dimension.
 
-    Raises
-    ------
-    ValueError
-        The file does not say which points make a cell, or where its nodes are.
+    Raises ValueError if the file does not say which points make a cell, or where its nodes are.
     """
     topology = dataset.variables.get(array.attrs.get("mesh", ""))
     about = {} if topology is None else topology.attrs

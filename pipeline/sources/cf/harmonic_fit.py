@@ -160,11 +160,7 @@ def _fitted(contents: Contents) -> "xr.Dataset":
     )
 
 
-def _design(
-    names: Sequence[str],
-    moments: Instants,
-    width: timedelta | None,
-) -> FloatArray:
+def _design(names: Sequence[str], moments: Instants, width: timedelta | None) -> FloatArray:
     """Return the columns (steps, 1 + 2 constituents) of which the series is a weighted sum.
 
     If steps have a width, a constituent's mean over a step is its current in the middle of the step

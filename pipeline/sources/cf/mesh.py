@@ -178,10 +178,7 @@ class SourceMesh:
         return Table(part, (lat.size, lon.size), csr_array(weights), own, None)
 
     def highest(
-        self,
-        lon: FloatArray,
-        lat: FloatArray,
-        read: Callable[[tuple[slice, ...]], FloatArray],
+        self, lon: FloatArray, lat: FloatArray, read: Callable[[tuple[slice, ...]], FloatArray]
     ) -> FloatArray:
         """Return the highest value around each node (ny, nx) of axes, NaN where none is known.
 

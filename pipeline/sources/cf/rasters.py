@@ -67,10 +67,8 @@ def is_raster(path: Path) -> bool:
 def as_dataset(path: Path) -> "xr.Dataset":
     """Read a raster as a dataset.
 
-    Raises
-    ------
-    UnusableError
-        It lies nowhere, or is of a kind that is not read; the message has the command that helps.
+    Raises UnusableError if it lies nowhere, or is of a kind that is not read; the message has the
+    command that helps.
     """
     import xarray as xr
 

@@ -68,12 +68,8 @@ def is_s100(path: Path) -> bool:
 def as_dataset(path: Path) -> "xr.Dataset":
     """Read a file as a dataset.
 
-    Raises
-    ------
-    UnusableError
-        It has something else, or of a kind that makes no field.
-    OSError, KeyError
-        It is damaged.
+    Raises UnusableError if it has something else, or of a kind that makes no field; OSError,
+    KeyError if it is damaged.
     """
     import h5py
     import xarray as xr

@@ -25,14 +25,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.geo.projection import (
-    MARGIN_CELLS,
-    Bounds,
-    cell_bounds,
-    common_bounds,
-    sides_beyond,
-    widened,
-)
+from pipeline.geo import projection
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario.catalogue import CopernicusSpec
@@ -101,7 +94,7 @@ class Copernicus(CurrentSource):
                 f"{spec.name} covers {lowest:g} to {highest:g} degrees north, the region reaches "
                 f"from {south:g} to {north:g}; shrink the region or {remedy}"
             )
-        margin = MARGIN_CELLS * spec.cell_deg
+        margin = projection.MARGIN_CELLS * spec.cell_deg
         if not spec.across_180 and (west - margin + 180) // 360 != (east + margin + 180) // 360:
             return (
                 f"{spec.name} can't be requested across 180 degrees, and the region reaches from "
@@ -115,12 +108,12 @@ class Copernicus(CurrentSource):
             return f"{spec.name} covers {spec.covers}, not {_asked_time(case)}; {remedy}"
         return ""
 
-    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
+    def covered_bounds(self, region: Polygon, case: Season) -> projection.Bounds | None:
         """Return the part between the dataset's southern and northern limit."""
         del case
         west, south, east, north = region.bounds
         lowest, highest = self.spec.latitudes
-        return common_bounds((west, south, east, north), (west, lowest, east, highest))
+        return projection.common_bounds((west, south, east, north), (west, lowest, east, highest))
 
     def issue(self, case: Season) -> Issue:
         """Ask for the dataset's last step; the first of use is `days_ahead` days before it."""
@@ -293,17 +286,12 @@ Accepted: TypeAlias = tuple[Field, tuple[Note, ...]]
 
 
 def accept(
-    path: Path, asked: SubsetRequest, missing_boxes: Sequence[Bounds], land: Land
+    path: Path, asked: SubsetRequest, missing_boxes: Sequence[projection.Bounds], land: Land
 ) -> Accepted:
     """Read a NetCDF file and return its fields, or refuse it with all reasons.
 
     `missing_boxes` hold the centres of the cells for which the service has no chunk, which should
-    be land.
-
-    Raises
-    ------
-    StageError
-        The file can't be read, or does not have the requested content.
+    be land. Raises StageError if the file can't be read, or does not have the requested content.
     """
     try:
         with open_dataset(path) as dataset, reading():
@@ -351,13 +339,13 @@ def _read(dataset: "xr.Dataset", asked: SubsetRequest) -> tuple[list[str], Field
     if faults:
         return faults, None
     margin = _KEPT_CELLS * asked.spec.cell_deg
-    window = find_window(lon, lat, widened(asked.region.bounds, margin, margin))
+    window = find_window(lon, lat, projection.widened(asked.region.bounds, margin, margin))
     if not (window.lon.size and window.lat.size):
         return ["it has no data in the region"], None
     faults, u, v = _read_fields(dataset, asked, window)
     cell_deg = asked.spec.cell_deg
-    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
-    if lacking := sides_beyond(asked.region.bounds, cells):
+    cells = projection.cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
+    if lacking := projection.sides_beyond(asked.region.bounds, cells):
         faults.append(f"it has no data {' nor '.join(lacking)}")
     return faults, Field(window.lon, window.lat, u, v)
 
@@ -495,7 +483,7 @@ def _gap_faults(field: Field, mask: LandMask) -> list[str]:
 
 
 def _missing_chunk_faults(
-    field: Field, asked: SubsetRequest, boxes: Sequence[Bounds], mask: LandMask
+    field: Field, asked: SubsetRequest, boxes: Sequence[projection.Bounds], mask: LandMask
 ) -> list[str]:
     """Find water in chunks that the service does not have.
 
@@ -513,7 +501,7 @@ def _missing_chunk_faults(
         row = (field.lat >= south - cell / 2) & (field.lat <= north + cell / 2)
         missing |= row[:, None] & column[None, :]
     # Beyond one cell around the region the field is not used, and the land is not known.
-    west, south, east, north = widened(asked.region.bounds, cell, cell)
+    west, south, east, north = projection.widened(asked.region.bounds, cell, cell)
     column = (field.lon > west) & (field.lon < east)
     row = (field.lat > south) & (field.lat < north)
     wet = missing & row[:, None] & column[None, :]

@@ -19,6 +19,7 @@ import shutil
 import signal
 import tempfile
 import time
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -67,13 +68,8 @@ def select(
     """Select the steps of a dataset that make up a period's field, or fields that change.
 
     Returns these steps alone, each with the time for which it is valid and its label, and which of
-    them make up each field.
-
-    Raises
-    ------
-    ValueError
-        The dataset is a climatology, and changes between its months are asked for; or its steps are
-        longer than the period.
+    them make up each field. Raises ValueError if the dataset is a climatology, and changes between
+    its months are asked for; or its steps are longer than the period.
     """
     middle = period.begin + (period.end - period.begin) / 2
     if spec.kind == "climatology":
@@ -167,11 +163,7 @@ class SubsetRequest:
     @property
     def record(self) -> dict[str, Any]:
         """The request as the sidecar has it."""
-        return {
-            **self.arguments,
-            "version": self.spec.version,
-            "times": list(self.steps.labels),
-        }
+        return {**self.arguments, "version": self.spec.version, "times": list(self.steps.labels)}
 
 
 AcceptedT = TypeVar("AcceptedT")
@@ -180,26 +172,7 @@ AcceptedT = TypeVar("AcceptedT")
 _PAUSE_GROWTH = 3.0
 # Time within which the service must say which steps it has, s.
 _LOOK_S = 120.0
-# Errors of the client that another attempt does not solve, and the remedies.
-_PERMANENT_ERRORS = {
-    "InvalidUsernameOrPassword": f"check {LOGIN}",
-    "CredentialsCannotBeNone": f"set {LOGIN}",
-    "CoordinatesOutOfDatasetBounds": "shrink the region, or name another source in 'currents'",
-    "NotCoveredError": "name another time, or another source in 'currents'",
-    "DatasetVersionNotFound": "correct `version` in its entry in the catalogue",
-    "VariableDoesNotExistInTheDataset": "correct its entry in the catalogue",
-}
-# Errors that may pass, and what to check if they don't.
-_TEMPORARY_ERRORS = {
-    "CouldNotConnectToAuthenticationSystem": (
-        "auth.marine.copernicus.eu can't be reached; check the connection and the proxy"
-    ),
-    "DatasetUpdating": "try again in an hour",
-    "DatasetNotFound": (
-        "if the service's catalogue is in order, correct the dataset's entry in ours, or name "
-        "another source in 'currents'"
-    ),
-}
+_ERRORS = tomllib.loads(Path(__file__).with_name("errors.toml").read_text(encoding="utf-8"))
 _TRY_LATER = "try again later, or name another source in 'currents'"
 # Length to which the client's messages are cut, characters.
 _MAX_MESSAGE_LENGTH = 400
@@ -216,12 +189,8 @@ def download(
 
     `accept` is given the answer of `subset`: `version` and `part` of the dataset, `stamps` of the
     first and the last step, and the `missing_boxes` of the service. Where it raises StageError, the
-    file is downloaded again.
-
-    Raises
-    ------
-    StageError
-        All attempts failed or exceeded their deadlines, or one failed with a permanent error.
+    file is downloaded again. Raises StageError if all attempts failed or exceeded their deadlines,
+    or one failed with a permanent error.
     """
     spec = asked.spec
     request = {
@@ -257,16 +226,9 @@ def download(
 def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
     """Ask for a dataset's last time step (aware, UTC) and its version, once.
 
-    Raises
-    ------
-    StageError
-        The service does not answer, or its answer does not state them.
+    Raises StageError if the service does not answer, or its answer does not state them.
     """
-    request = {
-        "version": spec.version,
-        "dataset_id": spec.dataset,
-        "variables": [spec.eastward],
-    }
+    request = {"version": spec.version, "dataset_id": spec.dataset, "variables": [spec.eastward]}
     answer = _attempt(request, min(spec.deadline_s, _LOOK_S))
     if not isinstance(answer, dict):
         raise StageError(f"{spec.name}: {answer[0]}")
@@ -289,9 +251,9 @@ def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | 
     if "error" not in answer:
         return answer
     name = answer["error"]
-    remedy = {**_PERMANENT_ERRORS, **_TEMPORARY_ERRORS}.get(name, _TRY_LATER)
+    remedy = {**_ERRORS["permanent"], **_ERRORS["temporary"]}.get(name, _TRY_LATER)
     said = _presentable(f"{name}: {answer['said']}").rstrip(": .")
-    return f"the client failed: {said}; {remedy}", name in _PERMANENT_ERRORS
+    return f"the client failed: {said}; {remedy.format(login=LOGIN)}", name in _ERRORS["permanent"]
 
 
 def _ended(ended: WorkerEndedError) -> str:

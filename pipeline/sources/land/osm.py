@@ -152,10 +152,7 @@ def _near(bounds: FloatArray, box: shapely.Polygon, least_deg: float) -> IntArra
 def write_cached(path: Path, wkb: bytes) -> None:
     """Write the polygons of a WKB MultiPolygon, with a table of their bounds.
 
-    Raises
-    ------
-    OSError
-        The file can't be written; nothing is left of it.
+    Raises OSError if the file can't be written; nothing is left of it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_abandoned(path.parent)
@@ -265,19 +262,14 @@ def land_polygons(
 ) -> Land:
     """Return OpenStreetMap's land near a region, or that of another shoreline.
 
+    Returns valid polygons, in the region's own longitudes, and whole unless they cross the box:
+    pieces that the source cuts at 180 degrees are joined again.
+
     Parameters
     ----------
-    region
-        Lon/lat degrees, continuous across 180 (170 to 190).
-    beyond_m
-        Distance outside the region's bounds up to which land is kept (true metres, about). Mainland
-        is cut along that box.
-
-    Returns
-    -------
-    Land
-        Valid polygons, in the region's own longitudes, and whole unless they cross the box: pieces
-        that the source cuts at 180 degrees are joined again.
+    region : lon/lat degrees, continuous across 180 (170 to 190).
+    beyond_m : distance outside the region's bounds up to which land is kept (true metres, about).
+        Mainland is cut along that box.
     """
     box = shapes.box_around(region, beyond_m)
     near, notes = polygons_near(shoreline, box)

@@ -15,6 +15,7 @@ known to lie deep enough. Where cells overlap, the larger scale takes precedence
 import glob
 import math
 import os
+import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -48,11 +49,8 @@ _IDENTIFICATION = (
 _WGS84 = 2
 # Code in DSPM of the only unit of depths that it allows, the metre.
 _METRES = 1
-# Names of the datums of depths (VERDAT, the codes of DSPM_SDAT) for which tides are published.
-DATUMS = {
-    "1": "MLWS", "2": "MLLWS", "3": "MSL", "4": "LLW", "5": "MLW", "6": "LLWS", "8": "ISLW",
-    "9": "LWS", "12": "MLLW", "13": "LW", "23": "LAT",
-}  # fmt: skip
+_TABLE = tomllib.loads(Path(__file__).with_name("s57.toml").read_text(encoding="utf-8"))
+DATUMS: dict[str, str] = _TABLE["datums"]
 # Number of files in a folder of charts above which it is not searched: all cells of the world and
 # their updates are some 100,000.
 _MAX_FILES = 200_000
@@ -113,10 +111,7 @@ class Cell:
 def base_files(path: Path) -> tuple[Path, ...]:
     """Find the base files (.000) of all cells in a folder and below it, or the one given.
 
-    Raises
-    ------
-    RequestError
-        The folder holds too many files to be one of charts.
+    Raises RequestError if the folder holds too many files to be one of charts.
     """
     if not path.is_dir():
         return (path,) if path.suffix == ".000" else ()
@@ -140,12 +135,8 @@ def cell_files(base: Path) -> tuple[Path, ...]:
 def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell | None:
     """Read a cell's objects of some classes near a box (lon/lat degrees).
 
-    None where the cell has no data near it.
-
-    Raises
-    ------
-    RequestError
-        It can't be read, an update is missing, or it violates the product specification.
+    None where the cell has no data near it. Raises RequestError if it can't be read, an update is
+    missing, or it violates the product specification.
     """
     pyogrio = shapes.vector_library()
 
@@ -258,51 +249,10 @@ def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int
     return Objects(valid, values), count
 
 
-# Areas with a depth range, and the names of their kinds.
-_DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = {
-    "DEPARE": "natural",
-    "DRGARE": "dredged",
-}
-# Objects on the bed, their depth (VALSOU) known or not.
-_SUNKEN = ("OBSTRN", "WRECKS", "UWTROC", "MARCUL")
-# Fixed objects, dangerous at any depth. Most areas of these classes are outside the safe water
-# anyway; points and lines (islets, piles, breakwaters) stand in it.
-_FIXED = (
-    *("LNDARE", "COALNE", "SLCONS", "DAMCON", "DYKCON", "CAUSWY", "GATCON", "OILBAR", "LOGPON"),
-    *("BCNCAR", "BCNISD", "BCNLAT", "BCNSAW", "BCNSPP", "LIGHTS", "PILPNT", "PYLONS", "OFSPLF"),
-    *("CRANES", "FSHFAC", "PONTON", "FLODOC", "HULKES"),
-)
-# Moored objects, which swing on their chains.
-_FLOATING = (
-    *("BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP"),
-    *("LITFLT", "LITVES", "MORFAC"),
-)
-# Name of a hazard, by its class or else by its group.
-_HAZARDS = {
-    "OBSTRN": "obstruction",
-    "WRECKS": "wreck",
-    "UWTROC": "rock",
-    "MARCUL": "marine farm",
-    "LNDARE": "islet",
-}
-_TRAFFIC = {
-    "TSSLPT": "traffic lane",
-    "TSEZNE": "traffic separation zone",
-    "TSSRON": "traffic roundabout",
-    "TSSCRS": "traffic crossing",
-    "ISTZNE": "inshore traffic zone",
-    "PRCARE": "precautionary area",
-    "DWRTPT": "deep water route",
-}
+_DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = _TABLE["depth_classes"]
+_SUNKEN, _FIXED, _FLOATING = (_TABLE[group] for group in ("sunken", "fixed", "floating"))
+_HAZARDS, _TRAFFIC, _RULES = (_TABLE[names] for names in ("hazards", "traffic", "rules"))
 CLASSES = (*_DEPTH_CLASSES, *_SUNKEN, *_FIXED, *_FLOATING, *_TRAFFIC, "RESARE", "M_QUAL")
-# Values of RESTRN (restriction) that concern a passing vessel.
-_RULES = {
-    "7": "entry prohibited",
-    "8": "entry restricted",
-    "13": "no wake",
-    "14": "area to be avoided",
-    "27": "speed restricted",
-}
 _NO_ENTRY = {"entry prohibited", "area to be avoided"}
 
 # Drawing accuracy of a chart on paper, m; an object shown as a point is no larger.
@@ -328,14 +278,10 @@ def land(
 
     Parameters
     ----------
-    cells
-        In the box's longitudes.
-    box
-        Lon/lat degrees; the chart is cut along it.
-    region
-        The part of the box that the notes and the accuracy refer to.
-    rule
-        Which depths are deep enough.
+    cells : in the box's longitudes.
+    box : lon/lat degrees; the chart is cut along it.
+    region : the part of the box that the notes and the accuracy refer to.
+    rule : which depths are deep enough.
     """
     least_m = rule.least_m
     parts = _visible_cells(cells, box)
@@ -617,10 +563,7 @@ class S57Chart:
 def find_cells(path: Path) -> tuple[Path, ...]:
     """Find the base files of the cells in a folder and below it, each cell once.
 
-    Raises
-    ------
-    RequestError
-        There is no cell, a cell is there twice, or a file can't be read.
+    Raises RequestError if there is no cell, a cell is there twice, or a file can't be read.
     """
     bases = base_files(path)
     if not bases:

@@ -299,10 +299,7 @@ def one_line(message: object) -> str:
 
 def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     """Turn errors about a chart's file into a RequestError, and list warnings."""
-    return reading(
-        str(path),
-        "correct it, or export it again as GeoPackage, GeoJSON or Shapefile",
-    )
+    return reading(str(path), "correct it, or export it again as GeoPackage, GeoJSON or Shapefile")
 
 
 def layer_name(path: Path, name: str) -> str:
@@ -320,7 +317,7 @@ def layer_name(path: Path, name: str) -> str:
         raise RequestError(
             f"{path} has {len(names)} layers with geometries ({', '.join(names)}); name one, as "
             f"{path.name},layer={names[0]} or in a scenario "
-            f'{{ path = "{path.name}", layer = "…" }}',
+            f'{{ path = "{path.name}", layer = "…" }}'
         )
     return name or names[0]
 
@@ -331,7 +328,7 @@ def crs_of(path: Path, given: str | None) -> pyproj.CRS:
         raise RequestError(
             f"{path} does not give its CRS: add its .prj file, or name the CRS, for degrees as "
             f'{path.name},crs=EPSG:4326 or in a scenario {{ path = "{path.name}", crs = '
-            '"EPSG:4326" }',
+            '"EPSG:4326" }'
         )
     try:
         return pyproj.CRS.from_user_input(given)

@@ -124,7 +124,7 @@ class VectorLayer:
             listed = ", ".join(map(str, self.numbers[self._is_suspect][:_MAX_NUMBERS]))
             raise RequestError(
                 f"{self.path} has a geometry that can't be read ({reason}), in feature {listed}; "
-                "correct or remove it",
+                "correct or remove it"
             )
         limits = np.array(shapes.MAX_LONLAT * 2 if self._is_lonlat else (_MAX_PLANAR,) * 4)[:, None]
         with np.errstate(invalid="ignore"):
@@ -138,7 +138,7 @@ class VectorLayer:
             raise RequestError(
                 f"{self.path} has coordinates that are impossible in its CRS ({self.crs.name}): "
                 f"feature {self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to "
-                f"{north:g}; {remedy}",
+                f"{north:g}; {remedy}"
             )
 
     @cached_property
@@ -237,7 +237,7 @@ class VectorLayer:
         if not np.isfinite(coordinates).all():
             raise RequestError(
                 f"{self.path} is in a CRS ({self.crs.name}) that does not cover the region: name "
-                f"the right one, as {self.path.name},crs=EPSG:…",
+                f"the right one, as {self.path.name},crs=EPSG:…"
             )
 
     def _to_lonlat(self, geometry: Geometries, box: shapely.Polygon) -> Geometries:
@@ -373,7 +373,7 @@ class VectorFile:
                 f"{self.path} has {' and '.join(counts)} near the region, which are not areas: "
                 "make polygons of them, or give the radius that is no-go around them, as "
                 f'{self.path.name},radius=20m or in a scenario {{ path = "{self.path.name}", '
-                "radius_m = 20 }",
+                "radius_m = 20 }"
             )
         grown = shapes.buffered(thin, self.source.radius_m or 0.0)
         return shapes.extract_polygons(np.concatenate([parts[dimension == _AREA], grown]))
@@ -389,7 +389,7 @@ class VectorFile:
         return RequestError(
             f"{self.path} has nothing near the region (its bounds in {layer.crs.name}: {listed}): "
             f"leave it out, or if that is wrong, name its right CRS, as "
-            f"{self.path.name},crs=EPSG:…",
+            f"{self.path.name},crs=EPSG:…"
         )
 
 
@@ -403,11 +403,8 @@ _REMEDY = "give points, as GeoJSON, GeoPackage, or CSV with the columns name, lo
 def read_havens(path: Path) -> dict[str, Place]:
     """Return the havens of a file by name, in its order; those without a name are numbered.
 
-    Raises
-    ------
-    RequestError
-        No such file; no points, other geometries, or too many; a place that is not on earth; two
-        havens of one name.
+    Raises RequestError for no such file; no points, other geometries, or too many; a place that is
+    not on earth; two havens of one name.
     """
     require_readable([path], "havens.path")
     pyogrio = shapes.vector_library()

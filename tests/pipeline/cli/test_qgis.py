@@ -103,7 +103,7 @@ def test_the_default_vessel_is_sent_only_without_figures(
     texts = dict.fromkeys((option["name"] for option in options), "")
     texts |= {"start": "120.3,12.8", "goal": "116.8,7.7", "vessel": voyage["DEFAULT_VESSEL"]}
     texts |= figures
-    command = voyage["go_command"](options, texts)
+    command = ["go", *voyage["typed"](options, texts)]
     assert command[:3] == ["go", "120.3,12.8", "116.8,7.7"]
     sent = dict(zip(command[3::2], command[4::2], strict=True))
     named = {name: text for name, text in figures.items() if name != "vessel"}

@@ -19,7 +19,7 @@ from pipeline.findings.result import (
     route_unknowns,
 )
 from pipeline.geo.projection import DepthCover, Projection
-from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait, Water
+from pipeline.model import Passage, RouteMetrics, ShoreCrossing, ShutStrait, Water
 from pipeline.model.inputs import Note
 from pipeline.scenario.region import ChartSpec
 from pipeline.stages.measure import shore_crossings
@@ -200,3 +200,16 @@ def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> Non
     assert places[8] == "and 2 shorter"
     assert other.endswith(": 60 m at 5.2500 W 36.5000 S on route 1")
     assert crossing_notes([], ChartSpec()) == ()
+
+
+def test_the_first_of_each_side_and_what_is_not_dear_is_followed() -> None:
+    case = small_run.parts().cases[0]
+    planned = case.routes[0]
+    east, west = Passage("east", ("Cebu",)), Passage("west", ("Cebu",))
+    given = [(east, 100.0), (east, 124.0), (east, 126.0), (west, 190.0), (west, 195.0)]
+    rows = [
+        replace(planned.metrics, rank=rank, fuel=fuel, passages=(side,))
+        for rank, (side, fuel) in enumerate(given, start=1)
+    ]
+    vars(case)["routes"] = tuple(replace(planned, rank=row.rank, metrics=row) for row in rows)
+    assert [one.rank for one in case.followed] == [1, 2, 4]

@@ -47,7 +47,7 @@ def test_the_embedded_table_and_credit_lines_are_the_given_ones() -> None:
     given = SHARED / "facts" / "palawan_currents.csv"
     if not given.is_file():
         pytest.skip("needs ../shared/facts/palawan_currents.csv, which is absent here")
-    assert catalogue.table("palawan.csv").read_bytes() == given.read_bytes()
+    assert (catalogue.root() / "currents/palawan.csv").read_bytes() == given.read_bytes()
     spec = catalogue.source("embedded-palawan")
     assert spec.adapter == "embedded-table"
     header = " ".join(

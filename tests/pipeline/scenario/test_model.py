@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import tomllib
 from datetime import timedelta
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 from pydantic import BaseModel, ValidationError
@@ -11,11 +14,14 @@ from pydantic import BaseModel, ValidationError
 import renew
 from pipeline.errors import RequestError
 from pipeline.model import plan_options, planner_vessel
+from pipeline.nightly import config
+from pipeline.scenario import catalogue, model as scenario_model, region, season
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import descriptions, remedy_of
+from pipeline.sources import tide_stations
 from renew.inputs.options import RANGES
 from tests.reference import tables
 
@@ -34,6 +40,15 @@ def keys() -> list[tuple[str, str]]:
         ]
 
     return [key for table in tables() for key in of(table.model, table.path)]
+
+
+@pytest.mark.parametrize("module", [scenario_model, config, tide_stations])
+def test_what_is_said_of_keys_is_of_keys_that_there_are(module: ModuleType) -> None:
+    models = {**vars(catalogue), **vars(region), **vars(season), **vars(module)}
+    file = Path(str(module.__file__)).with_name("keys.toml")
+    for name, texts in tomllib.loads(file.read_text("utf-8")).items():
+        fields = models[name].model_fields
+        assert {*texts} <= {field.alias or key for key, field in fields.items()}, name
 
 
 def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:

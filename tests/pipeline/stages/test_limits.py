@@ -26,7 +26,7 @@ from pipeline.model.inputs import Credit
 from pipeline.run import Outcome, run
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.loading import parse_scenario
-from pipeline.stages.limits import limited_fields, over_limits
+from pipeline.stages.limits import limited_fields, over_limits, worst_met
 from tests.pipeline.sources.cf.grib_files import write_grib
 from tests.pipeline.stages.test_avoided_areas import ISLAND
 
@@ -155,6 +155,28 @@ def test_a_vessel_adrift_is_carried_by_the_wind_too(tmp_path: Path) -> None:
     assert np.median(np.abs(0.3 * found.seconds[known] / expected[known] - 1)) < 0.01
     (note,) = note_texts(adrift_notes(case.routes[0]))
     assert note.startswith("without thrust the current and the wind carry the vessel ashore in")
+
+
+def test_with_members_the_share_that_exceeds_a_limit_is_told(tmp_path: Path) -> None:
+    """Waves that rise when half of the members' vessels have arrived."""
+    waves(worst=1.0).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
+    season = {"name": "still", "currents": ["still"], "departure": DEPARTURE}
+    seasons = [{**season, "members": {"spread": 0.3}}]
+    outcome = ran(tmp_path, {"waves": ["waves.nc"], "wave_m": 1.2}, seasons=seasons)
+    ranked = outcome.result.routes[0]
+    assert ranked.metrics.members_over_limit_share == 0.0
+    case, (field,) = ranked.case.case, ranked.case.case.weather
+    assert case.members is not None
+    ends = [
+        renew.fuel(ranked.route.path, one, case.vessel, chart=case.chart) / case.vessel.fuel_rate
+        for one in case.members.currents
+    ]
+    rises = float(np.median(ends))
+    times, shape = np.array([0.0, rises - 0.1, rises + 0.1, 1e5]), field.values.shape[1:]
+    values = np.array([0.0, 0.0, 2.4, 2.4])[:, None, None] * np.ones(shape)
+    case = replace(case, weather=(replace(field, times_s=times, values=values),))
+    share = worst_met(case, ranked.route, "projected")["members_over_limit_share"]
+    assert share == pytest.approx(np.mean(np.array(ends) > rises))
 
 
 def test_grib_and_netcdf_give_the_same_areas(tmp_path: Path) -> None:

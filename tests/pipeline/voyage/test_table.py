@@ -4,21 +4,31 @@ from __future__ import annotations
 
 import inspect
 import json
+import tomllib
+from dataclasses import fields
 from typing import Any
 
 import pytest
 
 import pipeline
 from pipeline.errors import RequestError
+from pipeline.scenario.catalogue import names
 from pipeline.serve.app import page_files
 from pipeline.serve.plans import ASKED, PlanRequest
-from pipeline.voyage.request import VoyageRequest
+from pipeline.voyage.request import UnderWayRequest, VoyageRequest
 from pipeline.voyage.table import Option, help_text, options, spelling
 from tests.conftest import ROOT
 from tests.reference import commands, options as typed_options
 
 FIELDS = options(VoyageRequest)
 NAMED = [one for one in FIELDS if one.group]
+
+
+def test_every_field_is_described_and_nothing_else() -> None:
+    described = tomllib.loads((ROOT / "pipeline/voyage/options.toml").read_text("utf-8"))
+    for table in (VoyageRequest, UnderWayRequest):
+        assert [*described.pop(table.__name__)] == [one.name for one in fields(table)]
+    assert not described
 
 
 @pytest.mark.parametrize("one", NAMED, ids=[one.field for one in NAMED])
@@ -54,6 +64,7 @@ def test_python_has_every_option_and_says_what_it_does() -> None:
 def described() -> list[dict[str, Any]]:
     """The options of a voyage as JSON, for QGIS, whose Python can't import the table."""
     at = spelling(VoyageRequest, "page")
+    of_a_check = typed_options(commands()["renew check-route"])
     return [
         {
             "name": option.key,
@@ -63,6 +74,8 @@ def described() -> list[dict[str, Any]]:
             "help": help_text(option, at),
             "several": bool(option.most),
             "layer": option.layer,
+            **({"choices": list(names("vessels"))} if option.section == "vessels" else {}),
+            **({} if option.typed in of_a_check else {"only_plans": True}),
         }
         for option in FIELDS
         if not option.is_of_run

@@ -116,6 +116,28 @@ def test_the_class_with_the_least_mean_is_chosen() -> None:
     assert chosen_class(cast("Sequence[renew.Route]", routes)) == 1
 
 
+@pytest.mark.parametrize(
+    ("routes", "chosen"),
+    [
+        # (fuel, steps of a turn for which there is no room, metres of such stretches)
+        ([(1.0, 1, 50.0), (1.1, 0, 0.0)], 1),  # a free way is worth a tenth more fuel
+        ([(1.0, 1, 50.0), (1.3, 0, 0.0)], 0),  # but not nearly a third
+        ([(1.0, 18, 2_400.0), (1.06, 18, 2_000.0)], 0),  # 400 m at the quay are not worth 20 km
+        ([(1.0, 18, 2_400.0), (1.01, 18, 2_000.0)], 1),  # they are worth 3 km
+        ([(1.0, 19, 2_000.0), (1.06, 18, 2_000.0)], 0),  # nor is a step of that share
+        ([(1.0, 18, 2_000.0), (1.06, 9, 2_000.0)], 1),  # half of a turn is
+    ],
+)
+def test_room_to_turn_is_worth_some_fuel_and_not_any(
+    routes: list[tuple[float, int, float]], chosen: int
+) -> None:
+    made = [
+        SimpleNamespace(harmonic_mean=fuel, lacking=(steps, metres), length=320_000.0 * fuel)
+        for fuel, steps, metres in routes
+    ]
+    assert chosen_class(cast("Sequence[renew.Route]", made)) == chosen
+
+
 def test_the_sampled_method_may_choose_another_class_than_that_of_the_cheapest_path() -> None:
     plan = random_scene(2).plan(padding="none", method="sampled", samples=60)
     means = [route.harmonic_mean for route in plan.routes]

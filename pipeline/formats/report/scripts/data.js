@@ -32,7 +32,7 @@ function readRoute(route, step) {
   const read = { rank, way, side, isSide, excess, fuelUnit };
   for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], step);
   read.marked = route.marked.map(({ role, places }) => ({ role, places: readLine(places, step) }));
-  read.soft = route.soft.map((ring) => readRing(ring, step));
+  for (const name of ["soft", "turnRoom"]) read[name] = route[name].map((ring) => readRing(ring, step));
   for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance", "waves", "wind"]) {
     read[name] = readSeries(route[name]);
   }

@@ -112,7 +112,7 @@ class RouteMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", "narrow", "adrift", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
+    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "turning", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", "narrow", "adrift", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -204,9 +204,9 @@ class RouteMap {
     );
     this.hovered = null;
     this.nearBest = this.area([], "soft", {}).addTo(this.map);
-    this.soft = this.area([], "soft", {});
+    [this.soft, this.turnRoom] = ["soft", "turning"].map(() => this.area([], "soft", {}));
     for (const name of ["havens", "turns", "shores", "marked", "closest", "spot", "prices"]) this[name] = this.add(L.layerGroup());
-    this.drawn.push(this.nearBest, this.soft);
+    this.drawn.push(this.nearBest, this.soft, this.turnRoom);
   }
 
   /** Label islands: those that distinguish ways by number or name, all others in names of classes smaller, by number. */
@@ -275,8 +275,10 @@ class RouteMap {
     this.zones.bringToBack();
     this.showRoutes(choice);
     this.nearBest.setLatLngs(season.nearBest);
-    this.soft.setLatLngs(route ? route.soft : []);
-    this.toggle(this.soft, choice.layers.soft && Boolean(route));
+    for (const name of ["soft", "turnRoom"]) {
+      this[name].setLatLngs(route ? route[name] : []);
+      this.toggle(this[name], choice.layers.soft && Boolean(route));
+    }
     this.havens.clearLayers();
     this.toggle(this.havens, Boolean(choice.layers.havens));
     if (season.havens && choice.selected === 0) this.showHavens(season.havens);
@@ -396,6 +398,7 @@ class RouteMap {
     this.edge.setStyle({ color: colour("frame") });
     this.nearBest.setStyle({ fillColor: colour(this.role(this.choice.season, 0)), fillOpacity: 0.1 });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
+    this.turnRoom.setStyle({ fillColor: colour("turning"), fillOpacity: 0.45 });
     this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
     this.routes.forEach((lines, s) => lines.forEach((line, r) => line.setStyle({ color: colour(this.role(s, r)) })));
     for (const one of [this.halo, this.casing]) one.setStyle({ color: colour("halo") });

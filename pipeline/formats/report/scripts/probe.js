@@ -70,9 +70,8 @@ class Probe {
     this.fields = new Map([...readout.querySelectorAll("[data-probe]")].map((field) => [field.dataset.probe, field]));
     this.place = null;
     map.on("mousemove click", ({ latlng }) => this.look(latlng));
-    map.on("mouseout", () => this.leave());
-    map.on("focus moveend", () => this.leave());
-    map.on("blur", () => this.leave());
+    map.getContainer().addEventListener("mouseleave", () => this.leave());
+    map.on("focus blur moveend", () => this.leave());
   }
 
   load(data) {

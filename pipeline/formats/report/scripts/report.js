@@ -130,6 +130,7 @@ class Explorer {
       list.hidden = season !== this.season;
     });
     for (const radio of this.root.querySelectorAll("[name=season]")) radio.checked = Number(radio.value) === this.season;
+    for (const card of document.querySelectorAll("[data-card]")) card.classList.toggle("folded", Number(card.dataset.card) !== this.season);
     for (const row of document.querySelectorAll("[data-route].selected")) row.classList.remove("selected");
     for (const row of this.rows(this.season, this.selected[this.season])) row.classList.add("selected");
     for (const button of document.querySelectorAll("button[data-select]")) {

@@ -133,6 +133,17 @@ def test_the_grey_of_the_clearance_is_the_padding_of_the_nearest_coast(result: R
         assert any((x, round(padding, 6)) in upper for padding in nearest)
 
 
+def test_what_turns_need_is_red_where_the_offing_is_wider(result: RunResult) -> None:
+    ranked = result.routes[0]
+    fifth = replace(ranked.route, turn_padding=ranked.route.padding_used[:, 4] / 5)
+    grey, red = profile_figure(replace(ranked, route=fifth)).axes[3].collections
+    high = [
+        max(np.asarray(path.vertices)[:, 1].max() for path in one.get_paths())
+        for one in (grey, red)
+    ]
+    assert high[1] == pytest.approx(high[0] / 5)
+
+
 def test_fuel_in_still_water_is_what_the_distance_takes(planar_result: RunResult) -> None:
     ranked = planar_result.routes[0]
     fuel = profile_figure(ranked).axes[0]

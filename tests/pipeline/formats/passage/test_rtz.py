@@ -194,4 +194,4 @@ def test_what_is_not_known_is_in_the_file(tmp_path: Path) -> None:
         (info,) = all_of(root, "routeInfo")
         for place in (unknown.text, info.get("optimizationMethod")):
             assert "o depths in this chart: the draught was not used" in place
-            assert "no figure for 12.5 % of route 1" in place
+            assert "no current is given on 12.5 % of route 1" in place

@@ -173,13 +173,14 @@ def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None
 def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.gpx"
-    write_gpx(result.case(runs.SEASON), path, every=True)
+    case = result.case(runs.SEASON)
+    write_gpx(case, path, every=True)
     check_order(etree.parse(path).getroot())
     gpx = gpxpy.parse(path.read_text(encoding="utf-8"))
     assert (gpx.name or "").startswith(name)
     assert (gpx.description or "").count(name) == 2
     assert name.split()[0] in (gpx.copyright_author or "")
-    assert len(pyogrio.read_dataframe(path, layer="routes")) == len(result.routes)
+    assert len(pyogrio.read_dataframe(path, layer="routes")) == len(case.followed)
 
 
 def test_kml(named: tuple[str, RunResult], tmp_path: Path) -> None:

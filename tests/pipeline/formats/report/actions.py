@@ -52,6 +52,12 @@ def season(page: Page, number: int) -> None:
     page.locator(".seasons label").nth(number).click()
 
 
+def switch(page: Page, layer: str) -> None:
+    """Switch a layer of the map on or off, or the units, by its id; the list may be folded."""
+    page.locator(".choices details").evaluate("list => { list.open = true; }")
+    page.locator(f"[data-layer={layer}], #{layer}").click()
+
+
 def closest(page: Page, place: str = "Goal") -> None:
     """Zoom in on a place as far as the map allows."""
     page.locator("#map").focus()

@@ -16,7 +16,7 @@ from pipeline.findings.result import RunResult
 from pipeline.formats.report import page as report_page
 from pipeline.model import CaseResult, Credit, Passage
 from tests.pipeline.formats import small_run
-from tests.pipeline.formats.report.actions import drawn, now, season, slide, written
+from tests.pipeline.formats.report.actions import drawn, now, season, slide, switch, written
 from tests.pipeline.formats.report.big_page import measure, write_big_page
 from tests.pipeline.formats.report.conftest import Reader
 from tests.pipeline.results import rows_of, with_rows
@@ -61,6 +61,49 @@ def test_the_map_replaces_the_static_pictures(reader: Reader, file: Path) -> Non
     assert page.locator(".island-label").all_inner_texts() == numbers
     labels = page.locator(".grid-label").all_inner_texts()
     assert {"9°00′N", "10°00′N", "120°00′E"} <= set(labels)
+
+
+# Words that a reader sees before scrolling.
+FIRST_SCREEN = """() => {
+  const words = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+    const seen = { visibilityProperty: true, opacityProperty: true };
+    if (!node.parentElement.checkVisibility(seen)) continue;
+    for (const { index, 0: word } of node.data.matchAll(/\\S+/g)) {
+      const range = document.createRange();
+      range.setStart(node, index);
+      range.setEnd(node, index + word.length);
+      const { top, bottom, width } = range.getBoundingClientRect();
+      if (width > 0 && bottom > 0 && top < innerHeight) words.push(word);
+    }
+  }
+  return words;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+def test_the_first_screen_has_few_words(
+    reader: Reader, file: Path, width: int, height: int
+) -> None:
+    page = reader.open(file, width=width, height=height)
+    words = page.evaluate(FIRST_SCREEN)
+    assert 50 < len(words) <= 120, words
+    # What is no everyday word leads to its explanation.
+    for link in page.locator(".card a").all():
+        target = page.locator(str(link.get_attribute("href")))
+        assert target.locator("xpath=following-sibling::dd[1]").inner_text()
+
+
+def test_the_card_of_another_season_is_folded(reader: Reader, file: Path) -> None:
+    page = reader.open(file)
+    facts = page.locator(".card .facts")
+    assert [one.is_visible() for one in facts.all()] == [True, False]
+    page.locator(".card .answer").nth(1).click()
+    assert [one.is_visible() for one in facts.all()] == [False, True]
+    assert page.locator("[data-routes='1']").is_visible()
+    page.emulate_media(media="print")
+    assert all(one.is_visible() for one in facts.all())
 
 
 def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult) -> None:
@@ -130,10 +173,10 @@ def test_layers_switch(reader: Reader, file: Path) -> None:
     panes = {"currents": "currents", "soft": "soft", "turns": "marks", "others": "routes"}
     before = {pane: drawn(page, pane) for pane in panes.values()}
     for layer, pane in panes.items():
-        page.locator(f"[data-layer={layer}]").click()
+        switch(page, layer)
         assert drawn(page, pane) != before[pane]
         assert all(drawn(page, p) == before[p] for p in panes.values() if p != pane)
-        page.locator(f"[data-layer={layer}]").click()
+        switch(page, layer)
         assert drawn(page, pane) == before[pane]
 
 
@@ -231,6 +274,8 @@ def test_the_keyboard_reaches_every_control(reader: Reader, file: Path) -> None:
         if name == "season":
             page.keyboard.press("ArrowRight")
             assert page.locator("[data-routes='1']").is_visible()
+        elif page.evaluate("document.activeElement.matches('.choices summary')"):
+            page.keyboard.press("Enter")
         elif name == "layer" and "layer" not in reached[:-1]:
             before = drawn(page, "currents")
             page.keyboard.press("Space")

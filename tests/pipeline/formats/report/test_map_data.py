@@ -21,6 +21,7 @@ from pipeline.formats.report.map_data import (
     json_for_script,
     map_data,
     series,
+    turn_room,
     within,
 )
 from pipeline.model import CaseResult, ShoreCrossing
@@ -100,6 +101,23 @@ def test_routes_run_from_start_to_goal_with_their_metrics(
             soft = filled([plane(result, ring) for ring in route["soft"]])
             zone = r.route.soft_no_go.intersection(result.water.chart.extent)
             assert soft.symmetric_difference(zone).area < 0.05 * zone.area
+
+
+def test_the_room_for_turns_is_apart_where_the_offing_is_wider(
+    data: dict[str, Any], result: RunResult
+) -> None:
+    ranked = result.routes[0]
+    assert data["seasons"][0]["routes"][0]["turnRoom"] == []
+    padded = ranked.route.padding_used
+    fifth = replace(ranked, route=replace(ranked.route, turn_padding=padded[:, 4] / 5))
+    [room] = turn_room(fifth)
+    assert ranked.route.soft_no_go.buffer(1e-6).covers(room)
+    # The edge nearest to the route has its room, and no more to the side of the route.
+    edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))
+    path = shapely.LineString(ranked.route.path)
+    nearest = int(shapely.distance(edges, path).argmin())
+    assert room.buffer(1e-6).covers(edges[nearest])
+    assert room.distance(path) >= shapely.distance(edges, path).min() - padded[:, 4].max() / 5
 
 
 def test_arrows_are_on_water_and_show_the_planners_current(
