@@ -43,7 +43,7 @@ def follow(asked: dict[str, Any]) -> tuple[Any, Any]:
     model.set_config("general:coastline_action", "stranding")
     for name in (
         *("drift:vertical_mixing", "drift:vertical_advection", "drift:stokes_drift"),
-        "general:use_auto_landmask",
+        *("general:use_auto_landmask", "seed:ocean_only"),
     ):
         model.set_config(name, value=False)
     model.set_config("seed:wind_drift_factor", 0.0)

@@ -140,6 +140,9 @@ class StormyScene:
                 return float(now)
             legs = slice(graph.indptr[node], graph.indptr[node + 1])
             heads, lasts = graph.indices[legs], graph.data[legs]
+            if not self.current.is_steady:
+                at_once = np.full(len(heads), now)
+                lasts = self._sailed(points[node], points[heads], at_once) - now
             for number in range(begin.shape[1]):
                 leave, there = self._left_so_as_to_come(
                     points[node], points[heads], (now, begin[heads, number]), lasts
@@ -155,6 +158,11 @@ class StormyScene:
                     heapq.heappush(queue, (time, head, number))
         return math.inf
 
+    def _sailed(self, begin: FloatArray, ends: FloatArray, leave: FloatArray) -> FloatArray:
+        """When edges (n,) end that are begun at times (n,), s, in a current that changes."""
+        begun = np.broadcast_to(begin, ends.shape)
+        return sailed(begun, ends, leave, self.current, VESSEL, _DRIFT, 2)
+
     def _left_so_as_to_come(
         self,
         begin: FloatArray,
@@ -164,17 +172,16 @@ class StormyScene:
     ) -> tuple[FloatArray, FloatArray]:
         """When edges (n,) are begun and ended that begin and end no earlier than the times, s."""
         now, opens = times
-        leave = np.full(len(ends), now)
-        if self.current.is_steady:
-            there = np.maximum(now + lasts, opens)
-            return there - lasts, there
-        for _ in range(4):
-            there = sailed(
-                np.broadcast_to(begin, ends.shape), ends, leave, self.current, VESSEL, _DRIFT, 2
-            )
-            early = np.where(np.isfinite(opens), opens - there, 0.0)
-            leave = np.where(early > 0.1, leave + early, leave)
-        return leave, np.where(np.isfinite(opens), there, math.inf)
+        there = np.maximum(now + lasts, opens)
+        leave = np.where(
+            np.isfinite(lasts), there - np.where(np.isfinite(lasts), lasts, 0.0), math.inf
+        )
+        # In a current that changes an edge that is begun later takes another time.
+        late = np.flatnonzero(np.isfinite(there) & (leave > now + 0.1))
+        for _ in range(3 if len(late) and not self.current.is_steady else 0):
+            there[late] = self._sailed(begin, ends[late], leave[late])
+            leave[late] += np.maximum(opens[late] - there[late], 0.0)
+        return leave, np.maximum(there, opens)
 
     def _open_spells(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Begin and end (n, most), s, of the spells in which nodes are open; to a minute."""

@@ -30,9 +30,9 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.current_field import land_freed_at_end
-from pipeline.sources.registry import charted_land
+from pipeline.sources.registry import charted_land, weather_grids
 from pipeline.stages.choose import with_offing
-from pipeline.stages.fetch import Fetcher, season_weather
+from pipeline.stages.fetch import Fetcher, on_clock
 from pipeline.stages.limits import limited_fields, over_limits
 from pipeline.stages.places import plane_current, plane_water
 from pipeline.stages.plan_case import plan_case
@@ -195,7 +195,7 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     members = members_of(water, season.members, seed, current, grid)
     left_out = note_texts(note for note in grid.notes if note.kind == "member-left-out")
     weather = limited_fields(
-        season_weather(chart.scenario, season),
+        weather_grids(chart.scenario, on_clock(season, chart.scenario)),
         chart.scenario.weather_limits,
         flow_of(water, current),
     )

@@ -118,13 +118,15 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     """
     if scenario.limits is None or scenario.region is None:
         return fetched
-    weather = {season.name: season_weather(scenario, season) for season in scenario.seasons}
     # All that is made in a current is made in its weather.
-    limits, current_keys = scenario.weather_limits.model_dump(), dict[str, str]()
+    weather, current_keys = dict[str, dict[str, CurrentGrid]](), dict[str, str]()
+    limits = scenario.weather_limits.model_dump()
     for season in scenario.seasons:
+        clock = on_clock(season, scenario)
+        weather[season.name] = weather_grids(scenario, clock)
         if key := fetched.current_keys.get(season.name):
-            made_from = key, limits, weather_keys(scenario, season)
-            current_keys[season.name] = artefact_key("weather", *made_from)
+            files = [source.identity(clock) for _, source in weather_files(scenario)]
+            current_keys[season.name] = artefact_key("weather", key, limits, files)
     notes = {
         name: [note for grid in grids.values() for note in grid.notes]
         for name, grids in weather.items()
@@ -135,20 +137,6 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
         current_keys=current_keys,
         notes=(*fetched.notes, *of_cases(notes)),
     )
-
-
-def season_weather(scenario: Scenario, season: Season) -> dict[str, CurrentGrid]:
-    """Read a season's wind and waves in the scenario's region, by the names of their limits."""
-    if scenario.limits is None or scenario.region is None:
-        return {}
-    clock, region = on_clock(season, scenario), scenario.region.shape
-    return weather_grids(scenario.limits, scenario.weather_limits, region, clock)
-
-
-def weather_keys(scenario: Scenario, season: Season) -> list[object]:
-    """Return what the wind and waves of a season depend on."""
-    files = weather_files(scenario.limits, scenario.weather_limits) if scenario.limits else ()
-    return [source.identity(on_clock(season, scenario)) for _, source in files]
 
 
 def on_clock(season: Season, scenario: Scenario) -> Season:

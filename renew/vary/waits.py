@@ -98,7 +98,7 @@ def plan_waiting(
     found, way, planner = None, None, planner_of(request)
     if is_hindered(request):
         way = clock_way(planner, request.areas, longest, anchorage)
-    if way is not None and len(way.waits):
+    if way is not None:
         early = waiting_early(way, planner.problem.voyage)
         found = _along(request, early, tick, anchorage)
         if found is None or found.arrival > way.arrive[-1] + _WORTH:
@@ -106,7 +106,7 @@ def plan_waiting(
             other = _along(request, way, tick, anchorage)
             if other is not None and (found is None or other.arrival < found.arrival - _WORTH):
                 found = other
-    return WaitingPlan((plan_request(request),), ()) if found is None else found
+    return found if found and found.waits else WaitingPlan((plan_request(request),), ())
 
 
 def _along(
