@@ -190,11 +190,10 @@ def test_a_route_of_a_file_is_checked(home: dict[str, str], tmp_path: Path) -> N
     gpx.routes.append(route)
     (tmp_path / "mine.gpx").write_text(gpx.to_xml())
     (tmp_path / "mine.toml").write_text((ROOT / "catalog/vessels/blueboat.toml").read_text())
-    results = {"PLACES": tmp_path / "places.gpkg", "OUTPUT": tmp_path / "out"}
     given = {"FILE": tmp_path / "mine.gpx", "VESSEL_FILE": tmp_path / "mine.toml"}
-    found = planned(home, "check", **given, CURRENTS="still", **results)
+    found = planned(home, "check", **given, CURRENTS="still", OUTPUT=tmp_path / "out")
     assert "error" not in found, found
-    rows = geopandas.read_file(tmp_path / "places.gpkg")
+    rows = geopandas.read_file(found["PLACES"])
     points = rows[rows.what == "point"]
     assert points["name"].tolist() == ["P119.95", "P120.05", "P120.15"]
     at = np.array(places)
@@ -202,8 +201,8 @@ def test_a_route_of_a_file_is_checked(home: dict[str, str], tmp_path: Path) -> N
     assert found["LENGTH_M"] == pytest.approx(length, rel=1e-5)
     speed = tomllib.loads((tmp_path / "mine.toml").read_text())["speed_m_s"]
     assert found["DURATION_S"] == pytest.approx(length / speed, rel=1e-5)
-    passed = pd.to_datetime(points.passed_at, utc=True)
-    assert passed.iloc[0] == points.stated.dt.tz_localize(UTC).iloc[0] == left
+    passed = pd.to_datetime(points.passed, utc=True)
+    assert passed.iloc[0] == pd.to_datetime(points.stated, utc=True).iloc[0] == left
     took = (passed.iloc[-1] - left).total_seconds()
     assert took == pytest.approx(found["DURATION_S"], abs=1.0)
     assert "least-fuel route" in found["SAID"]
@@ -217,17 +216,20 @@ def test_a_line_of_a_layer_in_another_crs_is_checked(home: dict[str, str], tmp_p
         layer = geopandas.GeoDataFrame(geometry=[shape], crs=4326)
         layer.to_crs(32651).to_file(tmp_path / f"{name}.gpkg")
     given = {"LINE": tmp_path / "line.gpkg", "LAND": tmp_path / "land.gpkg"}
-    results = {"PLACES": tmp_path / "places.gpkg", "OUTPUT": tmp_path / "out"}
-    found = planned(home, "check", **given, VESSEL="usv-7m", CURRENTS="still", **results)
+    found = planned(
+        home, "check", **given, VESSEL="usv-7m", CURRENTS="still", OUTPUT=tmp_path / "out"
+    )
     assert "OVER LAND: 2.19 km" in found["SAID"]
-    rows = geopandas.read_file(tmp_path / "places.gpkg").set_index("what")
+    rows = geopandas.read_file(found["PLACES"]).set_index("what")
     across = GEOD.geometry_length(line.intersection(land))
     assert rows.loc["crosses", "length_m"] == pytest.approx(across, rel=1e-4)
     assert rows.loc["crosses", "geometry"].coords[0] == pytest.approx((120.05, 9.97), abs=1e-4)
     turns = rows.loc[["a turn meets land"]].geometry
     assert 1 < len(turns) < 100
     assert turns.within(land.buffer(0.01)).all()
-    assert "Give a route" in planned(home, "check", CURRENTS="still", **results)["error"]
+    assert (
+        "Give a route" in planned(home, "check", CURRENTS="still", OUTPUT=tmp_path / "out")["error"]
+    )
 
 
 def test_what_the_program_refuses_is_the_algorithms_error(

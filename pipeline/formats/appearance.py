@@ -22,7 +22,7 @@ STATES = {
 SEASON_COLOURS = ("#9d3c0e", "#4a148c", "#111111", "#1c52c0", "#651e07", "#6a526d")
 """Colours of cases on a light background, in the scenario's order; of a single case's sides."""
 
-SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000", "#ff3399")
+SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000", "#f2a6b3")
 """Colours of cases on a dark background, one for each of `SEASON_COLOURS`."""
 
 

@@ -1,6 +1,7 @@
 """The algorithms: their parameters, the command line of each, and the layers that they give."""
 
 import csv
+import json
 import shlex
 import sqlite3
 from functools import partial
@@ -10,11 +11,6 @@ from typing import ClassVar
 import processing
 from qgis.core import (
     QgsCoordinateReferenceSystem,
-    QgsFeature,
-    QgsField,
-    QgsFields,
-    QgsGeometry,
-    QgsPointXY,
     QgsProcessing,
     QgsProcessingAlgorithm,
     QgsProcessingContext,
@@ -27,16 +23,14 @@ from qgis.core import (
     QgsProcessingParameterDateTime,
     QgsProcessingParameterDefinition,
     QgsProcessingParameterEnum,
-    QgsProcessingParameterFeatureSink,
     QgsProcessingParameterFeatureSource,
     QgsProcessingParameterFile,
     QgsProcessingParameterFolderDestination,
     QgsProcessingParameterPoint,
     QgsProcessingParameterString,
     QgsProcessingUtils,
-    QgsWkbTypes,
 )
-from qgis.PyQt.QtCore import QDateTime, Qt, QTimer, QVariant
+from qgis.PyQt.QtCore import QTimer
 
 from .program import run
 from .voyage import DEFAULT_VESSEL, typed, voyage_options
@@ -88,6 +82,14 @@ def _order(project, package):
         parent = node.parent()
         parent.insertChildNode(0, node.clone())
         parent.removeChildNode(node)
+
+
+def _load(context, source, title, processor=None):
+    """Load a layer into the project, if there is one, when the algorithm has ended."""
+    if context.project() is not None:
+        details = QgsProcessingContext.LayerDetails(title, context.project())
+        details.setPostProcessor(processor)
+        context.addLayerToLoadOnCompletion(source, details)
 
 
 class _Algorithm(QgsProcessingAlgorithm):
@@ -165,16 +167,12 @@ class _Algorithm(QgsProcessingAlgorithm):
 
     def _show(self, package, context):
         """Load layers into the project when the algorithm has ended; they bring their styles."""
-        if context.project() is None:
-            return
         with sqlite3.connect(f"{package.as_uri()}?mode=ro", uri=True) as base:
             titles = dict(base.execute(_FILLED).fetchall())
         for name in _SHOWN:
             if name in titles:
-                details = QgsProcessingContext.LayerDetails(titles[name], context.project())
                 styled = _Styled(str(package), titles[name], _SHOWN.index(name))
-                details.setPostProcessor(styled)
-                context.addLayerToLoadOnCompletion(f"{package}|layername={name}", details)
+                _load(context, f"{package}|layername={name}", titles[name], styled)
 
     def in_degrees(self, parameters, name, context, feedback, ending="gpkg"):
         """Write a layer to a file in degrees; return its path, "" without a layer."""
@@ -317,9 +315,7 @@ class WhenToLeave(_Voyage):
             with table.open(encoding="utf-8", newline="") as file:
                 for row in csv.reader(file):
                     feedback.pushInfo("  ".join(row))
-            if context.project() is not None:
-                details = QgsProcessingContext.LayerDetails("departures", context.project())
-                context.addLayerToLoadOnCompletion(str(table), details)
+            _load(context, str(table), "departures")
         return results
 
 
@@ -340,13 +336,8 @@ class CheckARoute(_Voyage):
         (QgsProcessingOutputNumber, "LENGTH_M", "Length, m"),
         (QgsProcessingOutputNumber, "DURATION_S", "Time under way, s"),
         (QgsProcessingOutputString, "SAID", "What was found"),
+        (QgsProcessingOutputFile, "PLACES", "Places along the route"),
     )
-    # Columns of the places, with their types.
-    FIELDS: ClassVar = {
-        **dict.fromkeys(("season", "what", "name"), QVariant.String),
-        "length_m": QVariant.Double,
-        **dict.fromkeys(("passed_at", "stated"), QVariant.DateTime),
-    }
 
     def inputs(self):
         """Return the route, as a file or a layer, and a parameter for each option."""
@@ -357,7 +348,6 @@ class CheckARoute(_Voyage):
                 "LINE", "Or a layer of lines", lines, optional=True
             ),
             *super().inputs(),
-            QgsProcessingParameterFeatureSink("PLACES", "Places along the route"),
         ]
 
     def command(self, parameters, context, feedback):
@@ -371,52 +361,43 @@ class CheckARoute(_Voyage):
         return [command, file, *options]
 
     def processAlgorithm(self, parameters, context, feedback):
-        """Check, say what was found, and list the places."""
+        """Check, say what was found, and show the places."""
         seasons = self.answer(parameters, context, feedback)["seasons"]
         said = [line for season in seasons for line in season["said"]]
         for line in said:
             feedback.pushInfo(line)
-        fields = QgsFields()
-        for name, kind in self.FIELDS.items():
-            fields.append(QgsField(name, kind))
-        degrees = QgsCoordinateReferenceSystem(_DEGREES)
-        point = QgsWkbTypes.Point
-        sink, places = self.parameterAsSink(parameters, "PLACES", context, fields, point, degrees)
-        for row in (row for season in seasons for row in _places(season)):
-            feature = QgsFeature()
-            feature.setAttributes([row.get(name) for name in self.FIELDS])
-            feature.setGeometry(QgsGeometry.fromPointXY(QgsPointXY(row["lon"], row["lat"])))
-            sink.addFeature(feature)
-        first = seasons[0]
+        features = [feature for season in seasons for feature in _places(season)]
+        places = Path(self.parameterAsString(parameters, "OUTPUT", context)) / "places.geojson"
+        places.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+        _load(context, str(places), "Places along the route")
         return {
-            "PLACES": places,
-            "FUEL": first["fuel"],
-            "LENGTH_M": first["length_m"],
-            "DURATION_S": first["duration_s"],
+            "PLACES": str(places),
+            "FUEL": seasons[0]["fuel"],
+            "LENGTH_M": seasons[0]["length_m"],
+            "DURATION_S": seasons[0]["duration_s"],
             "SAID": "\n".join(said),
         }
 
 
 def _places(season):
-    """Yield the points of a checked route, then where it is not safe, as rows with lon and lat."""
-    of = {"season": season["season"]}
-    for point in season["points"]:
-        times = {name: point[key] for name, key in (("passed_at", "passed"), ("stated", "stated"))}
-        moments = {
-            name: QDateTime.fromString(time, Qt.ISODate) for name, time in times.items() if time
-        }
-        yield {**of, **point, "what": "point", **dict.fromkeys(times), **moments}
+    """Yield the points of a checked route, then what is on its way, as features of GeoJSON."""
+
+    def feature(what, place, name="", length_m=None, **times):
+        properties = {"season": season["season"], "what": what, "name": name, "length_m": length_m}
+        point = {"type": "Point", "coordinates": [place["lon"], place["lat"]]}
+        return {"type": "Feature", "properties": properties | times, "geometry": point}
+
+    for one in season["points"]:
+        yield feature("point", one, one["name"], passed=one["passed"], stated=one["stated"])
     for what in ("crosses", "against_lanes"):
         for one in season[what]:
-            yield {**of, **one, **one["place"], "what": what.replace("_", " ")}
+            yield feature(what.replace("_", " "), one["place"], one["name"], one["length_m"])
     # Turns are simulated every few metres; one place in about 100 m is enough on a map.
-    met = {
-        (round(one["lon"], 3), round(one["lat"], 3)): one for one in season["turns_meet_land_from"]
-    }
-    for place in met.values():
-        yield {**of, **place, "what": "a turn meets land"}
+    met = season["turns_meet_land_from"]
+    for place in {(round(one["lon"], 3), round(one["lat"], 3)): one for one in met}.values():
+        yield feature("a turn meets land", place)
     if season["nearest"]:
-        yield {**of, **season["nearest"], "what": "land is nearest"}
+        yield feature("land is nearest", season["nearest"])
 
 
 class Scenario(_Algorithm):

@@ -14,7 +14,7 @@ import json
 import sqlite3
 import textwrap
 import zipfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -28,9 +28,9 @@ from pipeline._types import FloatArray
 from pipeline.findings.names import COLUMNS
 from pipeline.findings.note_words import caveats_json
 from pipeline.findings.result import RunCase, RunResult
-from pipeline.findings.text import write_json
+from pipeline.findings.text import fuel, moment_text, route_summary, write_json
 from pipeline.formats.appearance import COLOURS
-from pipeline.formats.figures.map_marks import nice_step
+from pipeline.formats.figures.map_marks import graticule_step_deg, nice_step
 from pipeline.formats.gis.layers import (
     FRAMES,
     LAYERS,
@@ -38,6 +38,7 @@ from pipeline.formats.gis.layers import (
     check_count,
     dated,
     opened,
+    passage,
     system_errors,
     waypoint_frame,
     write_layer,
@@ -54,6 +55,7 @@ from pipeline.formats.gis.styles import (
     qml,
     rendered,
     style,
+    symbol_layer,
     view,
 )
 from pipeline.formats.passage.waypoints import (
@@ -87,8 +89,10 @@ _WRAP = 100
 _PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 # Margin of a page.
 _MARGIN_MM = 10.0
-# Height of the title on an A4 page. On A3 this and the next two grow with the page's width.
-_TITLE_MM = 12.0
+# Height of the title on an A4 page. On A3 this and the next three grow with the page's width.
+_TITLE_MM = 10.0
+# Height of a line of the summary, A4, and largest numbers of its characters and of all lines.
+_LINE_MM, _LINE_WRAP, _MOST_LINES = 3.6, 170, 8
 # Height of the credits on an A4 page.
 _CREDITS_MM = 16.0
 # Width of the legend on an A4 page.
@@ -97,29 +101,30 @@ _LEGEND_MM = 62.0
 _BAR_SHARE = 1 / 10
 
 
-def qgz(
-    result: RunResult, view: View, columns: Mapping[str, Sequence[str]], file_name: str
-) -> bytes:
-    """Write the project as a .qgz; `columns` are those of each layer of the file `file_name`."""
+def qgz(result: RunResult, view: View, tables: Mapping[str, Any], file_name: str) -> bytes:
+    """Write the project as a .qgz; `tables` are the layers of the file `file_name`, by name."""
     crs = map_crs(result)
     view = replace(view, convergence=crs.convergence)
     texts = dict.fromkeys(credit.text for credit in result.credits)
+    lines = [line for case in view.cases for line in textwrap.wrap(_summary(case), _LINE_WRAP)]
     document = rendered(
         "project.qgs.jinja",
         title=one_line(result.scenario.title or result.scenario.name),
         crs=crs,
         lonlat=pyproj.CRS(LONLAT),
-        layers=list(_project_layers(columns, view, file_name)),
+        layers=list(_project_layers(tables, view, file_name)),
         cases=view.cases,
         lead=view.lead,
         case_layers=_CASE_LAYERS,
-        columns=columns,
+        columns=_columns(tables),
         fields=COLUMNS,
         file_name=file_name,
-        pages=[_page(name, *size_mm, crs) for name, size_mm in _PAGES_MM.items()],
+        pages=[_page(*page, crs, lines[:_MOST_LINES]) for page in _PAGES_MM.items()],
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
         result=result,
         credits=inert("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
+        times=[time for one in result.routes for time in passage(one)],
+        grid=symbol_layer({"line": "grid", "width": 0.15}),
         licences=dict.fromkeys(credit.licence for credit in result.credits if credit.licence),
     )
     stamp = result.created.timetuple()[:6]
@@ -131,14 +136,31 @@ def qgz(
     return packed.getvalue()
 
 
-def _project_layers(names: Collection[str], view: View, file_name: str) -> Iterator[dict[str, Any]]:
+def _summary(case: RunCase) -> str:
+    """Say a case's best way, its figures, its departure and its current, for print layouts."""
+    if not case.routes:
+        return f"{case.title}: no route"
+    row = case.routes[0].metrics
+    times = " to ".join(map(moment_text, passage(case.routes[0])))
+    said = f"{route_summary(row)} Fuel {fuel(row.fuel, row)}. {times}{'. ' * bool(times)}"
+    return inert(f"{case.title}: {said}Current: {case.current_text}.")
+
+
+def _columns(tables: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return the columns of each layer in the file."""
+    return {name: ["fid", *table] for name, table in tables.items()}
+
+
+def _project_layers(
+    tables: Mapping[str, Any], view: View, file_name: str
+) -> Iterator[dict[str, Any]]:
     """Yield the layers of the project in their drawing order, the top one first.
 
-    A layer is one case's part of a layer of the file, or all of it. At first land, all best routes
-    and one case in full are drawn. The leading case is below the others, since its best route is
-    wider.
+    A layer is one case's part of a layer of the file, if it has any, or all of it. At first land,
+    all best routes and one case in full are drawn. The leading case is below the others, since its
+    best route is wider.
     """
-    for name in [name for name in STYLES if name in names]:
+    for name in [name for name in STYLES if name in tables]:
         shared = {
             "name": name,
             "layer": LAYERS[name],
@@ -151,11 +173,10 @@ def _project_layers(names: Collection[str], view: View, file_name: str) -> Itera
             yield {**shared, "case": None, "is_on": True, "style": style(name, view)}
             continue
         for case in sorted(view.cases, key=lambda case: case is view.lead):
-            if case.routes or name == "currents":
+            if (tables[name].season == case.name).any():
                 yield {
                     **shared,
                     "identity": f"{name}_season_{case.number + 1}",
-                    "routes_identity": f"routes_season_{case.number + 1}",
                     "case": case,
                     "is_on": name == "routes" or (case is view.lead and _CASE_LAYERS[name]),
                     "style": style(name, replace(view, cases=(case,))),
@@ -170,17 +191,21 @@ def _sql(text: str) -> str:
     return f"CAST(X'{text.encode('utf-8', 'replace').hex()}' AS TEXT)"
 
 
-def _page(name: str, width: float, height: float, crs: MapCrs) -> dict[str, object]:
-    """Lay out a page of a print layout, of a width and height in millimetres.
+def _page(
+    name: str, size_mm: tuple[float, float], crs: MapCrs, lines: Sequence[str]
+) -> dict[str, object]:
+    """Lay out a page of a print layout, of a width and height in mm, below `lines` of a summary.
 
     `scale` is the ratio of its width to an A4 page's, by which fonts grow, too. `boxes` have left,
     top, width and height of each item, mm; `bounds` are those of its map; `bar_miles` is the length
-    of each half of the scale bar, nautical miles.
+    of each half of the scale bar, nautical miles; `step_deg` that of the graticule.
     """
+    width, height = size_mm
     scale = width / _PAGES_MM["A4"][0]
     title_mm, credits_mm, legend_mm = (s * scale for s in (_TITLE_MM, _CREDITS_MM, _LEGEND_MM))
     inner = width - 2 * _MARGIN_MM
-    top, low = _MARGIN_MM + title_mm, height - _MARGIN_MM - credits_mm
+    summary_mm = (_LINE_MM * len(lines) + 2) * scale
+    top, low = _MARGIN_MM + title_mm + summary_mm, height - _MARGIN_MM - credits_mm
     map_mm = inner - legend_mm
     bounds = _with_ratio(crs.bounds, map_mm / (low - top))
     unit_m = METRES_PER_DEGREE if crs.is_lonlat else 1.0
@@ -188,12 +213,22 @@ def _page(name: str, width: float, height: float, crs: MapCrs) -> dict[str, obje
         "page": (0.0, 0.0, width, height),
         "map": (_MARGIN_MM, top, map_mm, low - top),
         "title": (_MARGIN_MM, _MARGIN_MM, inner, title_mm),
-        "credits": (_MARGIN_MM, low + 2, inner, credits_mm),
+        "summary": (_MARGIN_MM, _MARGIN_MM + title_mm, inner, summary_mm),
+        "credits": (_MARGIN_MM, low + 5, map_mm, credits_mm),
+        "warning": (_MARGIN_MM + map_mm + 2, low + 5, legend_mm, credits_mm),
         "legend": (_MARGIN_MM + map_mm + 2, top, 0.0, 0.0),
         "map scale": (_MARGIN_MM + 3, low - 16, 60.0, 13.0),
     }
-    miles = nice_step((bounds[2] - bounds[0]) * unit_m * _BAR_SHARE / NAUTICAL_MILE_M)
-    return {"name": name, "scale": scale, "boxes": boxes, "bounds": bounds, "bar_miles": miles}
+    across_m = (bounds[2] - bounds[0]) * unit_m
+    return {
+        "name": name,
+        "scale": scale,
+        "boxes": boxes,
+        "bounds": bounds,
+        "bar_miles": nice_step(across_m * _BAR_SHARE / NAUTICAL_MILE_M),
+        "step_deg": graticule_step_deg(across_m / METRES_PER_DEGREE),
+        "summary": "\n".join(lines),
+    }
 
 
 def _with_ratio(bounds: Bounds, ratio: float) -> Bounds:
@@ -213,28 +248,25 @@ _METADATA_STANDARD = "https://www.rfc-editor.org/rfc/rfc8259"
 
 def write_geopackage(result: RunResult, path: Path) -> None:
     """Write the layers of a run that have features to a new file at `path`; routes always."""
-    counts, columns = {}, {}
+    tables = {}
     with system_errors(path), dated(result.created):
         for name, about in LAYERS.items():
             frame = FRAMES[name](result)
             if frame.empty and name != "routes":
                 continue
-            counts[name] = len(frame)
-            columns[name] = ["fid", *frame.columns.drop("geometry")]
+            tables[name] = frame.drop(columns="geometry")
             write_layer(path, frame, name, about)
         with opened(path) as database:
-            _add_records(database, result, columns, path.name)
-            for name, count in counts.items():
-                check_count(database, name, count)
+            _add_records(database, result, tables, path.name)
+            for name, table in tables.items():
+                check_count(database, name, len(table))
 
 
 def _add_records(
-    database: sqlite3.Connection,
-    result: RunResult,
-    columns: Mapping[str, Sequence[str]],
-    file_name: str,
+    database: sqlite3.Connection, result: RunResult, tables: Mapping[str, Any], file_name: str
 ) -> None:
     """Add everything besides the layers: provenance, meanings of columns, styles, the project."""
+    columns = _columns(tables)
     script = files("pipeline.formats.gis") / "records.sql"
     database.executescript(script.read_text(encoding="utf-8"))
     # Inputs, credits and versions, as JSON in the metadata of the whole file.
@@ -282,7 +314,7 @@ def _add_records(
     # QGIS stores a project as its .qgz in hexadecimal.
     modified = result.created.strftime("%Y-%m-%dT%H:%M:%S")
     about = {"last_modified_time": modified, "last_modified_user": ""}
-    packed = qgz(result, map_view, columns, file_name)
+    packed = qgz(result, map_view, tables, file_name)
     database.execute(
         "INSERT INTO qgis_projects (name, metadata, content) VALUES (?, ?, ?)",
         (PROJECT, json.dumps(about), packed.hex()),

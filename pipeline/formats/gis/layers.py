@@ -6,9 +6,10 @@
 import math
 import sqlite3
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,13 +22,13 @@ import shapely
 import renew
 from pipeline._types import ArrayLike, BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, haven_ways, stretch_line
-from pipeline.findings.names import COLUMNS, figure_columns, figures, used
+from pipeline.findings.names import COLUMNS, figure_columns, figures
 from pipeline.findings.result import RankedRoute, RunCase, RunResult, continued
 from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text, os_error
 from pipeline.formats.passage.safe_corridor import tracks
-from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text
-from pipeline.model import Case, Zone
+from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text, time_after
+from pipeline.model import Case
 
 _TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
 
@@ -54,24 +55,25 @@ LAYERS: dict[str, dict[str, str]] = tomllib.loads(
 def frame(
     geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[ArrayLike]]
 ) -> GeoDataFrame:
-    """Make the frame of a layer.
+    """Make the frame of a layer, without columns that have no value in it.
 
-    `geometry` has one geometry per feature, or one array of geometries per route or case. A
-    column has one value, or one array of values, per entry of `geometry`. Numbers that are not
-    finite become NaN, which is written as NULL.
+    Figures of routes stay, unless they are optional. `geometry` has one geometry per feature, or
+    one array of geometries per route or case. A column has one value, or one array of values, per
+    entry of `geometry`. Numbers that are not finite become NaN, which is written as NULL; times are
+    in UTC.
     """
     import geopandas
 
     counts = [np.size(part) for part in geometry]
-    joined = {
-        name: _joined(values, counts, _TYPES[COLUMNS[name].type if name in COLUMNS else "number"])
-        for name, values in columns.items()
-    }
-    return geopandas.GeoDataFrame(
-        joined,
-        geometry=_joined(geometry, counts, object),
-        crs="EPSG:4326",
-    )
+    types = {name: COLUMNS[name].type for name in columns}
+    joined = {name: _joined(columns[name], counts, _TYPES[kind]) for name, kind in types.items()}
+    shapes = _joined(geometry, counts, object)
+    table = geopandas.GeoDataFrame(joined, geometry=shapes, crs="EPSG:4326")
+    table = table.astype({n: "datetime64[s, UTC]" for n, kind in types.items() if kind == "time"})
+    cells = table[list(columns)]
+    filled = (cells.notna() & cells.ne("")).any() | table.empty
+    needed = [name for name in columns if COLUMNS[name].files and not COLUMNS[name].optional]
+    return table.drop(columns=[name for name in columns if not filled[name] and name not in needed])
 
 
 def rows_frame(geometry: Geometries, rows: Sequence[Mapping[str, Any]]) -> GeoDataFrame:
@@ -208,16 +210,6 @@ def region_edge(result: RunResult) -> GeoDataFrame:
     return frame([result.water.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
 
 
-def hazards(result: RunResult) -> GeoDataFrame:
-    """Return rocks, wrecks and the like, with the room around them."""
-    return _zones(zone for zone in result.fetched.land.zones if zone.kind == "hazard")
-
-
-def chart_areas(result: RunResult) -> GeoDataFrame:
-    """Return shallow, uncharted and restricted areas, and traffic schemes."""
-    return _zones(zone for zone in result.fetched.land.zones if zone.kind != "hazard")
-
-
 def depth_areas(result: RunResult) -> GeoDataFrame:
     """Return areas of equal depth."""
     areas = result.fetched.land.depth_areas
@@ -272,41 +264,34 @@ def _over_limit(result: RunResult) -> GeoDataFrame:
                 "name": area.name,
                 "worst": area.most,
                 "unit": area.unit,
-                "shut_hours": _shut_hours(case, area),
+                "shut_from": _dated(case, area.begin),
+                "shut_until": _dated(case, area.end),
             }
             for name, case, area in areas
         ],
     )
 
 
-def _shut_hours(case: Case, area: renew.OverLimit) -> str:
-    """Write from when until when an area is shut: "always", or a time on either side."""
-    ends = case.moment(area.begin), case.moment(area.end)
-    spelled = [moment_text(one) if isinstance(one, datetime) else "" for one in ends]
-    return " to ".join(spelled) if any(spelled) else "always"
+def _dated(case: Case, seconds: float) -> datetime | None:
+    """Return a moment on a case's clock; None where that is infinite or begins at no date."""
+    moment = case.moment(seconds)
+    return moment if isinstance(moment, datetime) else None
 
 
 def _open_hours(case: RunCase, area: renew.TidalArea) -> str:
     """Write when an area has enough water, from a case's departure to a day after arrival."""
     ends = [float(one.route.times[-1]) for one in case.routes]
     hours = area.tide.high_enough(area.need, 0.0, max(ends, default=0.0) + _DAY_S)
-    spans = [[case.case.moment(end) for end in span] for span in hours.tolist()]
-    # Only a clock that begins at a date has moments to write.
-    written = [[moment_text(m) if isinstance(m, datetime) else "" for m in span] for span in spans]
+    spans = [[_dated(case.case, end) for end in span] for span in hours.tolist()]
+    written = [[moment_text(end) if end else "" for end in span] for span in spans]
     return ", ".join(map(" to ".join, written)) or "never"
 
 
-def no_go(result: RunResult) -> GeoDataFrame:
-    """Return the hard no-go zone, the same in every case."""
-    return _counted(result.simplified.polygons)
-
-
-def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
-    """Return areas of the chart, with their kinds, names and rules."""
-    listed = list(zones)
-    return frame(
-        multipolygons([zone.area for zone in listed]), columns_of(listed, "kind", "name", "rule")
-    )
+def _zones(result: RunResult, *, are_hazards: bool) -> GeoDataFrame:
+    """Return areas of the chart: hazards with the room around them, or all others."""
+    zones = [one for one in result.fetched.land.zones if (one.kind == "hazard") == are_hazards]
+    areas = multipolygons([zone.area for zone in zones])
+    return frame(areas, columns_of(zones, "kind", "name", "rule"))
 
 
 def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
@@ -325,7 +310,7 @@ _ERROR_M = 1.0
 _MAX_TURNS = 2_000
 
 
-def passage(result: RunResult) -> GeoDataFrame:
+def _passage(result: RunResult) -> GeoDataFrame:
     """Return waypoints of the routes, each with the leg that leaves it; the goal has none."""
     return waypoint_frame(_waypoints(result)).drop(columns=["port_m", "starboard_m"])
 
@@ -333,7 +318,8 @@ def passage(result: RunResult) -> GeoDataFrame:
 def legs(result: RunResult) -> GeoDataFrame:
     """Return the water within each leg's cross-track limits."""
     found = _waypoints(result)
-    frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
+    of_points = ["name", "time_s", "turn_radius_m", "passed_at"]
+    frame = waypoint_frame(found).drop(columns=of_points, errors="ignore")
     frame = frame[frame.course_deg.notna()].reset_index(drop=True)
     areas = [area for points in found for area in _areas(points, result)]
     return frame.set_geometry(multipolygons(areas), crs=frame.crs)
@@ -348,23 +334,38 @@ def waypoint_frame(found: Sequence[Waypoints]) -> GeoDataFrame:
             **route_key([points.ranked for points in found]),
             "sequence": [np.arange(count) + 1 for count in counts],
             "name": [points.names for points in found],
-            **_leg_columns(found),
+            **_leg_columns([points.ranked for points in found], found),
             "turn_radius_m": [points.radius_m for points in found],
             **columns_of(found, "port_m", "starboard_m"),
         },
     )
 
 
-def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list[FloatArray]]:
-    """Return columns of the legs that leave a route's points."""
-    return columns_of(
-        tables,
-        "course_deg",
-        leg_length_m="length_m",
-        time_s="time_s",
-        speed_over_ground_m_s="speed_m_s",
-        speed_through_water_m_s="through_water_m_s",
-    )
+def passage(ranked: RankedRoute) -> tuple[datetime, ...]:
+    """Return departure and arrival of a route, UTC; nothing without a departure."""
+    case = ranked.case
+    return case.scenario.passage(case.name, round(ranked.metrics.duration_s)) or ()
+
+
+def _leg_columns(
+    ranked: Sequence[RankedRoute], tables: Sequence[Waypoints | Legs]
+) -> dict[str, list[Any]]:
+    """Return columns of the legs that leave the points of routes, and when these are passed."""
+    left = [one.case.spec.departure for one in ranked]
+    return {
+        **columns_of(
+            tables,
+            "course_deg",
+            leg_length_m="length_m",
+            time_s="time_s",
+            speed_over_ground_m_s="speed_m_s",
+            speed_through_water_m_s="through_water_m_s",
+        ),
+        "passed_at": [
+            [at and time_after(at, float(seconds)) for seconds in table.time_s]
+            for at, table in zip(left, tables, strict=True)
+        ],
+    }
 
 
 def _waypoints(result: RunResult) -> list[Waypoints]:
@@ -399,16 +400,16 @@ def _routes(result: RunResult) -> GeoDataFrame:
     """Return routes, one line each, with the figures that have values in this run."""
     ranked = result.routes
     rows = [figures(r.metrics, "layer") for r in ranked]
-    for row in rows:
-        row["least_water_at"] = row["least_water_at"] and moment_text(row["least_water_at"])
     lines = to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], ROUTE_STEP_M)
     columns = {name: [row[name] for row in rows] for name in figure_columns("layer")}
-    texts = {
+    passages = [passage(r) or (None, None) for r in ranked]
+    columns |= {
+        "departure": [begin for begin, _ in passages],
+        "arrival": [end for _, end in passages],
         "current": [r.case.current_text for r in ranked],
         "caveats": [limits_text(r) for r in ranked],
     }
-    routes = frame(lines, {**route_key(ranked), **columns, **texts})
-    return routes[used(routes.columns, routes.replace(np.nan, None).to_dict("records"))]
+    return frame(lines, {**route_key(ranked), **columns})
 
 
 def _path_points(result: RunResult) -> GeoDataFrame:
@@ -420,7 +421,7 @@ def _path_points(result: RunResult) -> GeoDataFrame:
         {
             **route_key(ranked),
             "sequence": [np.arange(len(t.lonlat)) + 1 for t in tables],
-            **_leg_columns(tables),
+            **_leg_columns(ranked, tables),
         },
     )
 
@@ -514,28 +515,26 @@ def _adrift(result: RunResult) -> GeoDataFrame:
     return frame(lines, {**key, "ashore_within_h": [hours for _, _, hours in found]})
 
 
+def _marks(result: RunResult, kind: str) -> tuple[list[Any], dict[str, list[Any]]]:
+    """Return what is measured at places of the routes, and the columns that identify these."""
+    found = [(case.name, one) for case in result.cases for one in getattr(case.measures, kind)]
+    marks = [one for _, one in found]
+    return marks, {"season": [name for name, _ in found], **columns_of(marks, "rank")}
+
+
 def _narrow_stretches(result: RunResult) -> GeoDataFrame:
     """Return the stretches of the routes without room for a hard-over turn."""
-    found = [(case.name, one) for case in result.cases for one in case.measures.narrow]
-    stretches = [one for _, one in found]
+    stretches, key = _marks(result, "narrow")
     names = ("begin_m", "length_m", "width_m", "needed_m", "kept_m")
-    return frame(
-        to_lonlat(result, [shapely.LineString(one.line) for one in stretches], ROUTE_STEP_M),
-        {
-            "season": [name for name, _ in found],
-            "rank": [one.rank for one in stretches],
-            **columns_of(stretches, *names, turn_side="side"),
-        },
-    )
+    lines = to_lonlat(result, [shapely.LineString(one.line) for one in stretches], ROUTE_STEP_M)
+    return frame(lines, {**key, **columns_of(stretches, *names, turn_side="side")})
 
 
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
-    crossings = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
-    return rows_frame(
-        shapely.points(np.array([[one.lon, one.lat] for _, one in crossings]).reshape(-1, 2)),
-        [{"season": name, "rank": one.rank, "length_m": one.length_m} for name, one in crossings],
-    )
+    crossings, key = _marks(result, "shore_crossings")
+    places = np.array([[one.lon, one.lat] for one in crossings]).reshape(-1, 2)
+    return frame(shapely.points(places), {**key, **columns_of(crossings, "length_m")})
 
 
 def _shown(collided: BoolArray) -> IndexArray:
@@ -599,19 +598,19 @@ def _coverage(result: RunResult) -> GeoDataFrame:
 
 FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "routes": _routes,
-    "passage": passage,
+    "passage": _passage,
     "legs": legs,
     "path_points": _path_points,
     "channels": _channels,
     "islands": islands,
     "coast": coast,
     "region": region_edge,
-    "hazards": hazards,
-    "chart_areas": chart_areas,
+    "hazards": partial(_zones, are_hazards=True),
+    "chart_areas": partial(_zones, are_hazards=False),
     "depth_areas": depth_areas,
     "tidal_water": _tidal_water,
     "over_limit": _over_limit,
-    "no_go": no_go,
+    "no_go": lambda result: _counted(result.simplified.polygons),
     "soft_no_go": _soft_no_go,
     "near_best": _near_best,
     "currents": _currents,

@@ -160,6 +160,8 @@ def _convergence(projection: Projection, points: FloatArray) -> str:
 
 # Maximum number of characters of a name in the list of layers.
 _MAX_TITLE_LENGTH = 60
+# Unit in a column's alias -> number of decimals that QGIS shows; 2 of any other.
+_DECIMALS = {"m": 1, "s": 0, "h": 0, "Wh": 0, "° true": 1, "°": 5, "share": 3, "planner's units": 1}
 
 
 def rendered(template: str, **values: object) -> str:
@@ -189,6 +191,7 @@ def _environment() -> Environment:
     loaded = xml_environment("pipeline.formats.gis")
     loaded.filters.update(
         inert=inert,
+        decimals=lambda column: _DECIMALS.get(column.alias.rpartition("(")[2].rstrip(")"), 2),
         g=lambda value: f"{value:g}",
         # Escaped, because QGIS may show the text as HTML.
         html=lambda text: inert(text).replace("<", "&lt;"),
@@ -254,6 +257,8 @@ def style(layer: str, view: View) -> dict[str, Any]:
         ],
         "levels": "levels" in about,
         "opacity": about.get("opacity", 1.0),
+        "times": about.get("times", ()),
+        "display": about.get("display", ""),
     }
 
 
@@ -270,7 +275,7 @@ def _rules(layer: str, view: View, case: RunCase | None) -> list[dict[str, Any]]
             {
                 **_RULE,
                 **rule,
-                "symbol": [_symbol_layer(one, case) for one in symbol],
+                "symbol": [symbol_layer(one, case) for one in symbol],
                 "on": leads if on == "if leading" else on,
                 "finer_than": _finer_than(rule, view),
             }
@@ -374,55 +379,27 @@ def _of(case: RunCase) -> str:
     return f'"season" = {literal(case.name)}'
 
 
-def _symbol_layer(about: dict[str, Any], case: RunCase | None) -> dict[str, Any]:
+def symbol_layer(about: dict[str, Any], case: RunCase | None = None) -> dict[str, Any]:
     """Return a layer of a symbol, as `styles.toml` describes it, with QGIS's class and options."""
 
     def colour(key: str) -> str:
         return _colour(about[key], case)
 
     width = f"{about.get('width', 0):g}"
+    kind, options = "SimpleMarker" if "marker" in about else "SimpleFill", {"joinstyle": "round"}
     if "line" in about:
-        kind, options = (
-            "SimpleLine",
-            {
-                "line_color": colour("line"),
-                "line_width": width,
-                "line_width_unit": "MM",
-                "capstyle": "round",
-                "joinstyle": "round",
-                "customdash": "5;2",
-                "customdash_unit": "MM",
-                "use_custom_dash": "0",
-            },
-        )
-    elif "marker" in about:
-        kind, options = (
-            "SimpleMarker",
-            {
-                "name": about["marker"],
-                "color": colour("fill"),
-                "outline_color": colour("edge"),
-                "outline_style": "solid" if "width" in about else "no",
-                "outline_width": width,
-                "outline_width_unit": "MM",
-                "size": f"{about['size']:g}",
-                "size_unit": "MM",
-            },
-        )
+        kind = "SimpleLine"
+        options |= {"line_color": colour("line"), "line_width": width, "capstyle": "round"}
     else:
         edge_style = "dot" if about.get("dotted") else "solid"
-        kind, options = (
-            "SimpleFill",
-            {
-                "color": colour("fill"),
-                "style": "solid",
-                "outline_color": colour("edge" if "edge" in about else "fill"),
-                "outline_style": edge_style if "edge" in about else "no",
-                "outline_width": width,
-                "outline_width_unit": "MM",
-                "joinstyle": "round",
-            },
-        )
+        options |= {
+            "color": colour("fill"),
+            "outline_color": colour("edge" if "edge" in about else "fill"),
+            "outline_style": edge_style if "width" in about else "no",
+            "outline_width": width,
+        }
+    if "marker" in about:
+        options |= {"name": about["marker"], "size": f"{about['size']:g}"}
     return {"kind": kind, "options": options, "level": about.get("level", 0), "rotation": ""}
 
 

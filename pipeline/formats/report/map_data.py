@@ -161,8 +161,7 @@ def positions(result: RunResult, lattice: Lattice) -> dict[str, object] | None:
 
     None in a plane, and on a map of the world, whose places are positions.
 
-    Row by row from below, each in units of a thousandth of a minute as the difference to the value
-    before. Longitudes run on beyond 180 degrees.
+    Row by row from below, to a thousandth of a minute. Longitudes run on beyond 180 degrees.
     """
     if result.scenario.is_planar or lattice.globe is not None:
         return None
@@ -175,10 +174,11 @@ def positions(result: RunResult, lattice: Lattice) -> dict[str, object] | None:
     whole = np.rint(np.stack([lon, lat]) / _UNIT_DEG).astype(np.int64)
     return {
         "cells": _CELLS,
-        "unit": _UNIT_DEG,
-        "size": [(xmax - xmin) / lattice.step, (ymax - ymin) / lattice.step],
-        "lon": np.diff(whole[0], prepend=0).tolist(),
-        "lat": np.diff(whole[1], prepend=0).tolist(),
+        "size": [side * lattice.step_m / lattice.step for side in (xmax - xmin, ymax - ymin)],
+        **{
+            name: {"step": _UNIT_DEG, "moves": np.diff(one, prepend=0).tolist()}
+            for name, one in zip(("lon", "lat"), whole, strict=True)
+        },
     }
 
 
@@ -454,8 +454,8 @@ def _current(case: RunCase, lattice: Lattice) -> dict[str, object] | None:
     """Return the planner's own current on a regular lattice over the water, in whole cm/s.
 
     A changing current is given at departure. `u` and `v` are along the map's axes, row by
-    row from below; 0, 0 is land or still water. On a map of the world the lattice is regular in
-    Mercator's projection, and its spacing in pixels at zoom 0.
+    row from below; 0, 0 is land or still water. Its spacing is in true metres, or in pixels at
+    zoom 0 on a map of the world, where the lattice is regular in Mercator's projection.
     """
     if case.planned is None:
         return None
@@ -463,7 +463,8 @@ def _current(case: RunCase, lattice: Lattice) -> dict[str, object] | None:
     spacing = max(_min_spacing(field), math.sqrt(shapely.box(*bounds).area / _MAX_ARROWS))
     if lattice.globe is None:
         points, columns = _lattice(bounds, spacing)
-        velocity, shown = np.asarray(field(points), dtype=float), spacing / lattice.step
+        velocity = np.asarray(field(points), dtype=float)
+        shown = spacing * lattice.step_m / lattice.step
     else:
         centre = lattice.globe.central_longitude
         web = Projection(f"+proj=webmerc +lon_0={centre} +datum=WGS84", central_longitude=centre)
@@ -510,7 +511,7 @@ def haven_lines(case: RunCase, line: Callable[[FloatArray], list[int]]) -> dict[
     if coverage is None:
         return None
     return {
-        "places": [
+        "havens": [
             {"name": haven.name, "place": line(haven.place[None, :])} for haven in coverage.havens
         ],
         "ways": [line(np.asarray(one.route.path)) for one in coverage.diversions],

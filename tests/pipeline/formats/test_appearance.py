@@ -69,9 +69,10 @@ def oklab(colour: str, vision: str) -> NDArray[np.float64]:
     return result
 
 
-def contrast(one: str, other: str) -> float:
-    """Return the contrast of WCAG 2.2."""
-    dim, bright = sorted(float(linear(c) @ [0.2126, 0.7152, 0.0722]) for c in (one, other))
+def contrast(one: str, other: str, vision: str) -> float:
+    """Return the contrast of WCAG 2.2 for a colour vision."""
+    seen = [np.clip(VISION[vision] @ linear(c), 0, 1) for c in (one, other)]
+    dim, bright = sorted(float(one @ [0.2126, 0.7152, 0.0722]) for one in seen)
     return (bright + 0.05) / (dim + 0.05)
 
 
@@ -87,12 +88,24 @@ def test_seasons_differ_for_every_colour_vision(vision: str, colours: tuple[str,
     assert apart[colours[0], colours[1]] > 0.2
 
 
-@pytest.mark.parametrize("ground", ["water", "land", "nogo"])
-def test_lines_stand_out_from_land_and_sea(ground: str) -> None:
+# No lines: areas, the faint graticule, the halo below lines, and arrows, whose shades are speeds.
+NO_LINES = {"water", "land", "nogo", "shoal", "soft", "turning", "grid", "halo"}
+
+
+@pytest.mark.parametrize("vision", VISION)
+@pytest.mark.parametrize("ground", ["water", "land", "nogo", "shoal"])
+def test_every_line_stands_out_from_land_and_sea(ground: str, vision: str) -> None:
     """WCAG asks for a contrast of 3 between graphics and what is around them."""
     for colours, seasons in ((COLOURS, SEASON_COLOURS), (DARK, SEASON_COLOURS_ON_DARK)):
-        lines = (*seasons, colours["other"], colours["ink"], colours["narrow"])
-        assert min(contrast(colour, colours[ground]) for colour in lines) > 3
+        roles = {one for one in colours if not one.startswith("speed")} - NO_LINES
+        lines = {role: colours[role] for role in roles}
+        lines |= {f"season {number}": one for number, one in enumerate(seasons)}
+        low = {
+            role: colour
+            for role, colour in lines.items()
+            if contrast(colour, colours[ground], vision) < 3
+        }
+        assert low == {}
 
 
 def test_more_seasons_than_colours() -> None:

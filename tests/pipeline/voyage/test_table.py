@@ -101,5 +101,5 @@ def test_faults_name_an_option_as_the_asker_does() -> None:
 QGIS = ROOT / "qgis" / "renew_routes" / "options.json"
 
 if __name__ == "__main__":
-    text = json.dumps(described(), ensure_ascii=False, indent=1)
-    QGIS.write_text(f"{text}\n", encoding="utf-8")
+    lines = ",\n".join(json.dumps(option, ensure_ascii=False) for option in described())
+    QGIS.write_text(f"[\n{lines}\n]\n", encoding="utf-8")

@@ -19,17 +19,15 @@ function speedClass(speed, limits) {
   return index < 0 ? limits.length - 1 : index;
 }
 
-const CurrentArrows = L.Layer.extend({
-  /** `chart` is the outline, as rings of places, inside which arrows are drawn. */
+/** What shows a current on a canvas of its own; `pane` is the canvas's. */
+const CurrentLayer = L.Layer.extend({
+  /** `chart` is the outline, as rings of places, inside which it is drawn. */
   initialize(chart, limits, colours) {
-    this._chart = chart;
-    this._limits = limits;
-    this._colours = colours;
-    this._current = null;
+    Object.assign(this, { _chart: chart, _limits: limits, _colours: colours, _current: null });
   },
 
   onAdd(map) {
-    this._canvas = L.DomUtil.create("canvas", "leaflet-zoom-animated", map.getPane("currents"));
+    this._canvas = L.DomUtil.create("canvas", this.options.className, map.getPane(this.options.pane));
     this._draw();
   },
 
@@ -37,18 +35,39 @@ const CurrentArrows = L.Layer.extend({
     this._canvas.remove();
   },
 
-  getEvents() {
-    return { moveend: this._draw, resize: this._draw, zoomanim: this._animate };
-  },
-
-  /** Draw another season's current; null draws none. */
+  /** Show another season's current; null shows none. */
   setCurrent(current) {
     this._current = current;
     if (this._map) this._draw();
   },
 
-  redraw() {
-    if (this._map) this._draw();
+  /** Lay the canvas over the view and a margin around it, a share of it; returns its context, size and upper left layer point. */
+  _place(share) {
+    const size = this._map.getSize();
+    const margin = size.multiplyBy(share).round();
+    const corner = this._map.containerPointToLayerPoint(margin.multiplyBy(-1)).round();
+    const whole = size.add(margin.multiplyBy(2));
+    const ratio = window.devicePixelRatio || 1;
+    Object.assign(this._canvas, { width: whole.x * ratio, height: whole.y * ratio });
+    Object.assign(this._canvas.style, { width: `${whole.x}px`, height: `${whole.y}px` });
+    L.DomUtil.setTransform(this._canvas, corner, 1);
+    const context = this._canvas.getContext("2d");
+    context.scale(ratio, ratio);
+    return { context, whole, corner };
+  },
+
+  /** Where the lattice lies on the canvas: its first place, and the length of a step, in CSS pixels. */
+  _lattice(corner) {
+    const origin = this._map.latLngToLayerPoint(this._current.corner).subtract(corner);
+    return { origin, pixels: this._current.spacing * this._map.getZoomScale(this._map.getZoom(), 0) };
+  },
+});
+
+const CurrentArrows = CurrentLayer.extend({
+  options: { pane: "currents", className: "leaflet-zoom-animated" },
+
+  getEvents() {
+    return { moveend: this._draw, resize: this._draw, zoomanim: this._animate };
   },
 
   _animate(event) {
@@ -57,30 +76,10 @@ const CurrentArrows = L.Layer.extend({
     L.DomUtil.setTransform(this._canvas, offset, scale);
   },
 
-  /** Position the canvas over the view and its margin; returns its upper left layer point. */
-  _place() {
-    const size = this._map.getSize();
-    const margin = size.multiplyBy(CANVAS_MARGIN).round();
-    const corner = this._map.containerPointToLayerPoint(margin.multiplyBy(-1)).round();
-    const whole = size.add(margin.multiplyBy(2));
-    const ratio = window.devicePixelRatio || 1;
-    this._canvas.width = whole.x * ratio;
-    this._canvas.height = whole.y * ratio;
-    this._canvas.style.width = `${whole.x}px`;
-    this._canvas.style.height = `${whole.y}px`;
-    this._canvas.getContext("2d").scale(ratio, ratio);
-    this._bounds = L.latLngBounds(
-      this._map.layerPointToLatLng(corner),
-      this._map.layerPointToLatLng(corner.add(whole)),
-    );
-    L.DomUtil.setTransform(this._canvas, corner, 1);
-    return corner;
-  },
-
   _draw() {
-    const corner = this._place();
+    const { context, whole, corner } = this._place(CANVAS_MARGIN);
+    this._bounds = L.latLngBounds(this._map.layerPointToLatLng(corner), this._map.layerPointToLatLng(corner.add(whole)));
     if (!this._current) return;
-    const context = this._canvas.getContext("2d");
     const chart = chartOutline(this._map, this._chart, corner);
     // The canvas's transform applies to the outline but not to the point.
     const ratio = context.getTransform().a;
@@ -100,11 +99,10 @@ const CurrentArrows = L.Layer.extend({
 
   /** Call back with each arrow's position on the canvas, velocity (m/s) and spacing (px). */
   _eachArrow(corner, draw) {
-    const { corner: first, spacing, columns, u } = this._current;
+    const { columns, u } = this._current;
     const rows = u.length / columns;
-    const pixels = spacing * this._map.getZoomScale(this._map.getZoom(), 0);
+    const { origin, pixels } = this._lattice(corner);
     const stride = arrowStride(pixels);
-    const origin = this._map.latLngToLayerPoint(first).subtract(corner);
     const across = arrowSteps(stride, columns, -origin.x / pixels, (this._canvas.clientWidth - origin.x) / pixels);
     const up = arrowSteps(stride, rows, (origin.y - this._canvas.clientHeight) / pixels, origin.y / pixels);
     for (const row of up) {

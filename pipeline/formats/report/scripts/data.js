@@ -26,93 +26,39 @@ function readSeries({ step, moves }) {
   return moves.map((move) => step * (sum += move));
 }
 
-/** A route with its places, and its profile along them. */
-function readRoute(route, step) {
-  const { rank, way, side, isSide, excess, fuelUnit } = route;
-  const read = { rank, way, side, isSide, excess, fuelUnit };
-  for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], step);
-  read.marked = route.marked.map(({ role, places }) => ({ role, places: readLine(places, step) }));
-  for (const name of ["soft", "turnRoom"]) read[name] = route[name].map((ring) => readRing(ring, step));
-  for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance", "waves", "wind"]) {
-    read[name] = readSeries(route[name]);
-  }
-  return read;
-}
+const readLines = (lines, step) => lines.map((line) => readLine(line, step));
+const readRings = (rings, step) => rings.map((ring) => readRing(ring, step));
+const readPlace = (line, step) => readLine(line, step)[0];
 
-/** Longitudes and latitudes, degrees, at the corners of a grid over the chart; its size is in metres. */
-function readPositions({ cells, unit, size, lon, lat }, step) {
-  const read = (moves) => readSeries({ step: unit, moves });
-  return { cells, size: size.map((steps) => steps * step), lon: read(lon), lat: read(lat) };
+// How the fields that hold places are read; all others hold values or series.
+const READERS = Object.fromEntries([
+  [readPlace, ["start", "goal", "corner", "foot", "place"]],
+  [readLine, ["places", "turns", "hits", "shores"]],
+  [readLines, ["via", "extent", "sheet", "parts", "edges", "ways"]],
+  [readRings, ["beyond", "land", "noGo", "shoals", "hazards", "area", "nearBest", "soft", "turnRoom"]],
+].flatMap(([reader, names]) => names.map((name) => [name, reader])));
+
+/** Read a value of the data, or everything below it. */
+function read(value, step, name) {
+  if (name in READERS) return READERS[name](value, step);
+  if (value === null || typeof value !== "object" || typeof value[0] === "number") return value;
+  if (Array.isArray(value)) return value.map((one) => read(one, step));
+  if ("moves" in value) return readSeries(value);
+  return Object.fromEntries(Object.entries(value).map(([key, one]) => [key, read(one, step, key)]));
 }
 
 /** Read the data of a map. */
 function readData(data) {
-  const { step } = data;
-  const lines = (rings) => rings.map((ring) => readLine(ring, step));
-  const bounds = L.latLngBounds(lines(data.extent).flat());
-  return {
-    globe: data.globe,
-    bounds,
-    size: [bounds.getEast() - bounds.getWest(), bounds.getNorth() - bounds.getSouth()],
-    planar: data.planar,
-    noGoName: data.noGoName,
-    origin: data.origin,
-    speedLimits: data.speedLimits,
-    extent: lines(data.extent),
-    sheet: lines(data.sheet),
-    beyond: data.beyond.map((ring) => readRing(ring, step)),
-    land: data.land.map((ring) => readRing(ring, step)),
-    noGo: data.noGo.map((ring) => readRing(ring, step)),
-    shoals: data.shoals.map((ring) => readRing(ring, step)),
-    hazards: data.hazards.map((ring) => readRing(ring, step)),
-    zones: data.zones.map((zone) => ({
-      kind: zone.kind,
-      text: zone.text,
-      area: zone.area.map((ring) => readRing(ring, step)),
-      edges: lines(zone.edges),
-    })),
-    start: readLine(data.start, step)[0],
-    goal: readLine(data.goal, step)[0],
-    via: data.via.map((place, at) => [readLine(place, step)[0], `Via ${at + 1}`]),
-    islands: data.islands.map(({ label, names, below, place }) => ({ label, names, below, place: readLine(place, step)[0] })),
-    positions: data.positions && readPositions(data.positions, step),
-    grid: data.grid.map((line) => ({
-      label: line.label,
-      meridian: line.meridian,
-      foot: readLine(line.foot, step)[0],
-      parts: lines(line.parts),
-    })),
-    seasons: data.seasons.map((season) => ({
-      title: season.title,
-      current: season.current && {
-        ...season.current,
-        corner: readLine(season.current.corner, step)[0],
-        // In Leaflet's units at zoom 0: metres, or pixels of a map of the world.
-        spacing: season.current.spacing * (data.globe ? 1 : step),
-      },
-      havens: season.havens && {
-        places: season.havens.places.map(({ name, place }) => ({ name, place: readLine(place, step)[0] })),
-        ways: lines(season.havens.ways),
-        stretches: season.havens.stretches.map(({ state, places }) => ({ state, places: readLine(places, step) })),
-      },
-      nearBest: season.nearBest.map((ring) => readRing(ring, step)),
-      routes: season.routes.map((route) => readRoute(route, step)),
-    })),
-  };
+  const all = read(data, data.step);
+  const bounds = L.latLngBounds(all.extent.flat());
+  return { ...all, bounds, size: [bounds.getEast() - bounds.getWest(), bounds.getNorth() - bounds.getSouth()] };
 }
 
 /** Position of a value in an ascending series: [index before it, share of the step after]. */
 function locate(series, value) {
-  let low = 0;
-  let high = series.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (series[middle] <= value) low = middle;
-    else high = middle;
-  }
-  const width = series[high] - series[low];
-  const share = width > 0 ? (value - series[low]) / width : 0;
-  return [low, Math.min(1, Math.max(0, share))];
+  const index = Math.min(series.length - 2, Math.max(0, series.findLastIndex((one) => one <= value)));
+  const share = (value - series[index]) / (series[index + 1] - series[index] || 1);
+  return [index, Math.min(1, Math.max(0, share))];
 }
 
 /** A value between two places of a route; null if the route has none. */

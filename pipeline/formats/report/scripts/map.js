@@ -71,7 +71,7 @@ class RouteMap {
   load(data) {
     this.clear();
     this.data = data;
-    this.readColours();
+    this.colours = new Map();
     this.drawWater();
     this.makeZones();
     const [arrows, particles] = [CurrentArrows, CurrentParticles].map((Kind) => new Kind(data.extent, data.speedLimits, (role) => this.colour(role)));
@@ -102,18 +102,10 @@ class RouteMap {
     this.scale.addTo(this.map);
   }
 
-  /** A colour of the page, as last read by `readColours`. */
+  /** A colour of the page, light or dark, by its role; each is read once, for that is slow. */
   colour(role) {
+    if (!this.colours.has(role)) this.colours.set(role, getComputedStyle(document.documentElement).getPropertyValue(`--map-${role}`).trim());
     return this.colours.get(role);
-  }
-
-  /** Read the page's colours by role, light or dark, once: reading each on use is slow. */
-  readColours() {
-    const style = getComputedStyle(document.documentElement);
-    const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
-    const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "turning", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", "narrow", "adrift", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
-    this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
   /** The role of a route's colour: its season's among several seasons, else its side's. */
@@ -122,31 +114,32 @@ class RouteMap {
     return `season${(this.data.seasons.length > 1 || !route ? season : route.side) % SEASON_COLOURS}`;
   }
 
-  area(rings, pane, style) {
-    const options = { renderer: this.renderers[pane], pane, interactive: false, stroke: false };
-    return L.polygon(rings, { ...options, fillRule: "nonzero", fillOpacity: 1, smoothFactor: 0.6, ...style });
+  /** An area in the colour of a role; with one for its edge, it has one. */
+  area(rings, pane, fill, style = {}, edge = null) {
+    const options = { renderer: this.renderers[pane], pane, interactive: false, stroke: edge !== null, weight: 0.7 };
+    return L.polygon(rings, { ...options, color: this.colour(edge), fillColor: this.colour(fill), fillRule: "nonzero", fillOpacity: 1, smoothFactor: 0.6, ...style });
   }
 
-  line(places, pane, style) {
+  line(places, pane, role, style = {}) {
     const options = { renderer: this.renderers[pane], pane, interactive: false, smoothFactor: 0.6 };
-    return L.polyline(places, { ...options, ...style });
+    return L.polyline(places, { ...options, color: this.colour(role), ...style });
   }
 
   /** Water, grid, land and shoals, the same in all seasons. */
   drawWater() {
     const { extent, sheet, beyond, grid, land, noGo, shoals, hazards } = this.data;
     // Sea and land are drawn beyond the chart: a reader would take a blank for open water.
-    this.sheet = this.add(this.area(sheet, "water", {}));
-    this.beyond = this.add(this.area(beyond, "water", { stroke: true, weight: 0.7 }));
-    this.water = this.add(this.area(extent, "water", {}));
-    this.grid = grid.map((line) => this.add(this.line(line.parts, "water", { weight: 1 })));
-    this.noGo = this.add(this.area(noGo, "nogo", {}));
-    this.land = this.add(this.area(land, "land", { stroke: true, weight: 0.7 }));
+    this.add(this.area(sheet, "water", "water"));
+    this.add(this.area(beyond, "water", "land", {}, "coast"));
+    this.add(this.area(extent, "water", "water"));
+    for (const { parts } of grid) this.add(this.line(parts, "water", "grid", { weight: 1 }));
+    this.add(this.area(noGo, "nogo", "nogo"));
+    this.add(this.area(land, "land", "land", {}, "coast"));
     // Shoals are no-go, so they lie inside the areas drawn as land.
-    this.shoals = this.add(this.area(shoals, "land", {}));
-    this.edge = this.add(this.area(extent, "land", { stroke: true, weight: 1, fill: false }));
+    this.add(this.area(shoals, "land", "shoal"));
+    this.add(this.area(extent, "land", null, { fill: false, weight: 1 }, "frame"));
     // The smallest are seen by their edges.
-    this.hazards = this.add(this.area(hazards, "land", { stroke: true, weight: 1.5 }));
+    this.add(this.area(hazards, "land", "hazard", { weight: 1.5 }, "hazard"));
     this.meridians = [];
     for (const line of grid) {
       const direction = line.meridian ? "bottom" : "left";
@@ -172,8 +165,8 @@ class RouteMap {
     this.zones = L.featureGroup();
     this.drawn.push(this.zones);
     for (const { kind, text, area, edges } of this.data.zones) {
-      this.area(area, "soft", { fillOpacity: 0.06, kind }).addTo(this.zones);
-      const edge = this.line(edges, "routes", { interactive: true, weight: 1.5, dashArray: "6 4", kind });
+      this.area(area, "soft", kind, { fillOpacity: 0.06 }).addTo(this.zones);
+      const edge = this.line(edges, "routes", kind, { interactive: true, weight: 1.5, dashArray: "6 4" });
       edge.bindTooltip(element("span", "", text), { sticky: true, className: "route-label" }).addTo(this.zones);
     }
   }
@@ -186,12 +179,12 @@ class RouteMap {
 
   /** Lines for all routes of all seasons; `show` decides which are drawn. */
   makeRoutes() {
-    this.casing = this.line([], "routes", { opacity: 1, weight: 5 });
-    this.halo = this.line([], "routes", { opacity: 0.95, weight: 8 });
+    this.casing = this.line([], "routes", "halo", { weight: 5 });
+    this.halo = this.line([], "routes", "halo", { opacity: 0.95, weight: 8 });
     this.drawn.push(this.casing, this.halo);
     this.routes = this.data.seasons.map((season, s) =>
       season.routes.map((route, r) => {
-        const line = this.line(route.places, "routes", { interactive: true, smoothFactor: 0.4 });
+        const line = this.line(route.places, "routes", this.role(s, r), { interactive: true, smoothFactor: 0.4 });
         const name = `${season.title}, ${route.rank}${route.way && `: ${route.way}`}`;
         line.bindTooltip(element("span", "", name), { sticky: true, className: "route-label" });
         line.on("mouseover", () => this.heard.hover([s, r])).on("mouseout", () => this.heard.hover(null));
@@ -203,8 +196,9 @@ class RouteMap {
       }),
     );
     this.hovered = null;
-    this.nearBest = this.area([], "soft", {}).addTo(this.map);
-    [this.soft, this.turnRoom] = ["soft", "turning"].map(() => this.area([], "soft", {}));
+    this.nearBest = this.area([], "soft", null, { fillOpacity: 0.1 }).addTo(this.map);
+    this.soft = this.area([], "soft", "soft", { fillOpacity: 0.38 });
+    this.turnRoom = this.area([], "soft", "turning", { fillOpacity: 0.45 });
     for (const name of ["havens", "turns", "shores", "marked", "closest", "spot", "prices"]) this[name] = this.add(L.layerGroup());
     this.drawn.push(this.nearBest, this.soft, this.turnRoom);
   }
@@ -223,17 +217,16 @@ class RouteMap {
   /** Show a place [y, x], m, that the page's text mentions, with a label. */
   reveal(place, text) {
     this.spot.clearLayers();
-    this.dot(place, { radius: 11, weight: 3, fill: false, spot: true }).addTo(this.spot);
+    this.dot(place, "hit", null, { radius: 11, weight: 3 }).addTo(this.spot);
     this.label(place, text, "closest-label", this.labelSide(place)).addTo(this.spot);
     const half = (SPOT_SHARE * Math.min(...this.data.size)) / 2;
     this.map.fitBounds(L.latLngBounds([place[0] - half, place[1] - half], [place[0] + half, place[1] + half]), { animate: false });
-    this.recolour();
   }
 
   drawStartAndGoal() {
-    this.endMarkers = [[this.data.start, "Start"], ...this.data.via, [this.data.goal, "Goal"]].map(([place, name]) => {
+    this.endMarkers = [[this.data.start, "Start"], ...this.data.via.map((place, i) => [place, `Via ${i + 1}`]), [this.data.goal, "Goal"]].map(([place, name]) => {
       this.add(this.label(place, name, "end-label", this.labelSide(place)));
-      return this.add(this.dot(place, { radius: 6, weight: 3, fillOpacity: 1 }));
+      return this.add(this.dot(place, "ink", "halo", { radius: 6, weight: 3 }));
     });
   }
 
@@ -242,9 +235,10 @@ class RouteMap {
     return place[1] > this.data.bounds.getCenter().lng ? "left" : "right";
   }
 
-  dot(place, style) {
-    const options = { renderer: this.renderers.marks, pane: "marks", interactive: false };
-    return L.circleMarker(place, { ...options, ...style });
+  /** A dot, or without a fill a ring. */
+  dot(place, role, fill, style) {
+    const options = { renderer: this.renderers.marks, pane: "marks", interactive: false, fill: fill !== null, fillOpacity: 1 };
+    return L.circleMarker(place, { ...options, color: this.colour(role), fillColor: this.colour(fill), ...style });
   }
 
   makeVessel() {
@@ -274,7 +268,7 @@ class RouteMap {
     this.toggle(this.zones, choice.layers.zones);
     this.zones.bringToBack();
     this.showRoutes(choice);
-    this.nearBest.setLatLngs(season.nearBest);
+    this.nearBest.setLatLngs(season.nearBest).setStyle({ fillColor: this.colour(this.role(choice.season, 0)) });
     for (const name of ["soft", "turnRoom"]) {
       this[name].setLatLngs(route ? route[name] : []);
       this.toggle(this[name], choice.layers.soft && Boolean(route));
@@ -288,8 +282,9 @@ class RouteMap {
     this.marked.clearLayers();
     this.closest.clearLayers();
     if (route) this.showSafety(route);
-    this.vessel.setOpacity(route ? 1 : 0);
-    this.recolour();
+    const accent = this.colour(this.role(choice.season, choice.selected));
+    for (const marker of this.endMarkers) marker.setStyle({ color: accent });
+    this.vessel.setOpacity(route ? 1 : 0).getElement().style.setProperty("--vessel", accent);
   }
 
   toggle(layer, on) {
@@ -351,16 +346,16 @@ class RouteMap {
 
   /** Stretches without room to turn and near land without thrust, hard-over turns, land of another shoreline, and the closest point to land. */
   showSafety(route) {
-    for (const { role, places } of route.marked) this.line(places, "routes", { weight: 3, opacity: 1, role }).addTo(this.marked);
-    for (const place of route.shores) this.dot(place, { radius: 7, weight: 2, fill: false, shore: true }).addTo(this.shores);
-    for (const place of route.turns) this.dot(place, { radius: 1.8, weight: 1, fillOpacity: 1, hit: false }).addTo(this.turns);
-    for (const place of route.hits) this.dot(place, { radius: 5, weight: 2, fillOpacity: 1, hit: true }).addTo(this.turns);
+    for (const { role, places } of route.marked) this.line(places, "routes", role, { weight: 3, dashArray: role === "adrift" ? "3 5" : null }).addTo(this.marked);
+    for (const place of route.shores) this.dot(place, "shut", null, { radius: 7, weight: 2 }).addTo(this.shores);
+    for (const place of route.turns) this.dot(place, "ink", "halo", { radius: 1.8, weight: 1 }).addTo(this.turns);
+    for (const place of route.hits) this.dot(place, "halo", "hit", { radius: 5, weight: 2 }).addTo(this.turns);
     const place = closestPlace(route);
     if (!place) return;
     const least = Math.min(...route.clearance);
-    this.dot(place, { radius: 7, weight: 2, fill: false, ring: true }).addTo(this.closest);
+    this.dot(place, "ink", null, { radius: 7, weight: 2 }).addTo(this.closest);
     // Below the labels of start and goal.
-    const ends = [this.data.start, ...this.data.via.map(([via]) => via), this.data.goal];
+    const ends = [this.data.start, ...this.data.via, this.data.goal];
     const room = NEAR_SHARE * Math.min(...this.data.size);
     const isNear = ends.some((end) => Math.hypot(end[0] - place[0], end[1] - place[1]) < room);
     this.label(place, `${formatClearance(least)} to ${this.data.noGoName}`, "closest-label", isNear ? "bottom" : this.labelSide(place)).addTo(this.closest);
@@ -368,57 +363,12 @@ class RouteMap {
   }
 
   /** Havens, the ways to them, and along the best route what is covered. */
-  showHavens({ places, ways, stretches }) {
-    for (const way of ways) this.line(way, "routes", { weight: 1.5, opacity: 0.9, dashArray: "5 4", role: "haven" }).addTo(this.havens);
-    for (const { state, places: along } of stretches) this.line(along, "routes", { weight: 3, opacity: 1, role: STATE_ROLES[state] }).addTo(this.havens);
-    for (const { name, place } of places) {
-      this.dot(place, { radius: 6, weight: 2, fillOpacity: 1, role: "haven" }).addTo(this.havens);
+  showHavens({ havens, ways, stretches }) {
+    for (const way of ways) this.line(way, "routes", "haven", { weight: 1.5, dashArray: "5 4" }).addTo(this.havens);
+    for (const { state, places: along } of stretches) this.line(along, "routes", STATE_ROLES[state], { weight: 3 }).addTo(this.havens);
+    for (const { name, place } of havens) {
+      this.dot(place, "haven", "halo", { radius: 6, weight: 2 }).addTo(this.havens);
       this.label(place, name, "end-label", this.labelSide(place)).addTo(this.havens);
     }
-  }
-
-  /** Follow the page's change between light and dark. */
-  changeScheme() {
-    if (!this.data) return;
-    this.readColours();
-    this.recolour();
-    this.currents.redraw();
-  }
-
-  /** Set the colour of everything that is drawn. */
-  recolour() {
-    const colour = (role) => this.colour(role);
-    this.water.setStyle({ fillColor: colour("water") });
-    for (const line of this.grid) line.setStyle({ color: colour("grid") });
-    this.shoals.setStyle({ fillColor: colour("shoal") });
-    this.hazards.setStyle({ color: colour("hazard"), fillColor: colour("hazard") });
-    this.noGo.setStyle({ fillColor: colour("nogo") });
-    this.sheet.setStyle({ fillColor: colour("water") });
-    for (const land of [this.beyond, this.land]) land.setStyle({ fillColor: colour("land"), color: colour("coast") });
-    this.edge.setStyle({ color: colour("frame") });
-    this.nearBest.setStyle({ fillColor: colour(this.role(this.choice.season, 0)), fillOpacity: 0.1 });
-    this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
-    this.turnRoom.setStyle({ fillColor: colour("turning"), fillOpacity: 0.45 });
-    this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
-    this.routes.forEach((lines, s) => lines.forEach((line, r) => line.setStyle({ color: colour(this.role(s, r)) })));
-    for (const one of [this.halo, this.casing]) one.setStyle({ color: colour("halo") });
-    const accent = colour(this.role(this.choice.season, this.choice.selected));
-    for (const marker of this.endMarkers) marker.setStyle({ color: accent, fillColor: colour("halo") });
-    this.turns.eachLayer((dot) => {
-      const { hit } = dot.options;
-      dot.setStyle({ fillColor: colour(hit ? "hit" : "halo"), color: colour(hit ? "halo" : "ink") });
-    });
-    this.havens.eachLayer((layer) => {
-      if (layer.options.role) layer.setStyle({ color: colour(layer.options.role), fillColor: colour("halo") });
-    });
-    this.marked.eachLayer((line) => line.setStyle({ color: colour(line.options.role) }));
-    this.shores.eachLayer((dot) => dot.setStyle({ color: colour("shut") }));
-    this.spot.eachLayer((layer) => {
-      if (layer.options.spot) layer.setStyle({ color: colour("hit") });
-    });
-    this.closest.eachLayer((layer) => {
-      if (layer.options.ring) layer.setStyle({ color: colour("ink") });
-    });
-    this.vessel.getElement().style.setProperty("--vessel", accent);
   }
 }

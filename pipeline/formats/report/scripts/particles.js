@@ -11,26 +11,17 @@ const MAX_STEP_S = 0.05;
 // Share by which the trails fade in a second.
 const FADING = 0.93;
 
-const CurrentParticles = L.Layer.extend({
-  /** `chart` is the outline, as rings of places, inside which particles drift. */
-  initialize(chart, limits, colours) {
-    this._chart = chart;
-    this._limits = limits;
-    this._colours = colours;
-    this._current = null;
-    this._frame = 0;
-    this._seen = true;
-  },
+const CurrentParticles = CurrentLayer.extend({
+  options: { pane: "particles", className: "" },
 
   onAdd(map) {
-    this._canvas = L.DomUtil.create("canvas", "", map.getPane("particles"));
+    CurrentLayer.prototype.onAdd.call(this, map);
     this._watch = new IntersectionObserver(([entry]) => {
       this._seen = entry.isIntersecting;
-      this._restart();
+      this._draw();
     });
     this._watch.observe(map.getContainer());
     map.getContainer().classList.add("flowing");
-    this._restart();
   },
 
   onRemove(map) {
@@ -41,53 +32,32 @@ const CurrentParticles = L.Layer.extend({
   },
 
   getEvents() {
-    return { movestart: this._stop, zoomstart: this._stop, moveend: this._restart, resize: this._restart };
-  },
-
-  /** Follow another season's current; null has none. */
-  setCurrent(current) {
-    this._current = current;
-    if (this._map) this._restart();
+    return { movestart: this._stop, zoomstart: this._stop, moveend: this._draw, resize: this._draw };
   },
 
   _stop() {
     cancelAnimationFrame(this._frame);
-    this._frame = 0;
     this._canvas.width = 0;
   },
 
-  _restart() {
+  _draw() {
     this._stop();
-    if (!this._current || !this._seen) return;
-    const { x: width, y: height } = this._map.getSize();
-    const ratio = window.devicePixelRatio || 1;
-    [this._canvas.width, this._canvas.height] = [width * ratio, height * ratio];
-    [this._canvas.style.width, this._canvas.style.height] = [`${width}px`, `${height}px`];
-    const corner = this._map.containerPointToLayerPoint([0, 0]);
-    L.DomUtil.setPosition(this._canvas, corner);
-    const context = this._canvas.getContext("2d");
-    context.scale(ratio, ratio);
+    if (!this._current || this._seen === false) return;
+    const { context, whole: { x: width, y: height }, corner } = this._place(0);
     context.clip(chartOutline(this._map, this._chart, corner), "evenodd");
-    const view = this._view(corner, width, height);
+    const view = { ...this._lattice(corner), width, height, rate: FASTEST / this._limits[this._limits.length - 1] };
     const particles = Array.from({ length: Math.min(MAX_PARTICLES, (width * height) / PARTICLE_AREA) }, () => ({ left: 0 }));
     let last = null;
     const step = (stamp) => {
-      this._draw(context, view, particles, last === null ? 0 : Math.min(MAX_STEP_S, (stamp - last) / 1000));
+      this._move(context, view, particles, last === null ? 0 : Math.min(MAX_STEP_S, (stamp - last) / 1000));
       last = stamp;
       this._frame = requestAnimationFrame(step);
     };
     this._frame = requestAnimationFrame(step);
   },
 
-  /** Where the lattice lies on the canvas: its first place, and the length of a step, in CSS pixels. */
-  _view(corner, width, height) {
-    const origin = this._map.latLngToLayerPoint(this._current.corner).subtract(corner);
-    const pixels = this._current.spacing * this._map.getZoomScale(this._map.getZoom(), 0);
-    return { origin, pixels, width, height, rate: FASTEST / this._limits[this._limits.length - 1] };
-  },
-
   /** Move all particles by a step of `seconds`, and draw their ways. */
-  _draw(context, view, particles, seconds) {
+  _move(context, view, particles, seconds) {
     const { origin, pixels, width, height, rate } = view;
     context.globalCompositeOperation = "destination-out";
     context.globalAlpha = 1 - (1 - FADING) ** seconds;

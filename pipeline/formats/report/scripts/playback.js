@@ -28,10 +28,8 @@ class Playback {
   /** Follow another route of a map's data, at the same share of its time as the last one. */
   follow(route, { planar, noGoName }) {
     Object.assign(this, { route, planar, noGoName });
-    const idle = !route;
-    this.button.disabled = idle;
-    this.slider.disabled = idle;
-    if (idle) this.pause();
+    this.button.disabled = this.slider.disabled = !route;
+    if (!route) this.pause();
     else this.set(this.share);
   }
 
@@ -66,8 +64,7 @@ class Playback {
     if (this.share >= 1) this.set(0);
     this.button.querySelector("span").textContent = "Pause";
     this.button.classList.add("playing");
-    let last = null;
-    let waited = 0;
+    let [last, waited] = [null, 0];
     const step = (stamp) => {
       const passed = last === null ? 0 : Math.min(0.25, (stamp - last) / 1000);
       last = stamp;

@@ -15,12 +15,10 @@ class Explorer {
     this.layers = [...root.querySelectorAll("[data-layer]")];
     this.strip = new Strip(root);
     this.map = new RouteMap(map, { select: (season, index) => this.select(season, index), hover: (at) => this.hover(at), press });
-    this.playback = new Playback(root, (now, share) => {
-      this.map.moveVessel(now.place, now.bearing);
-      this.strip.move(share);
-    });
+    this.playback = new Playback(root, (now, share) => { this.map.moveVessel(now.place, now.bearing); this.strip.move(share); });
     this.probe = new Probe(map, root.querySelector(".probe"));
-    this.stillForReducedMotion();
+    // Particles stay off, until asked for, where the reader prefers less motion.
+    root.querySelector("[data-layer=particles]").checked = !matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.listen();
   }
 
@@ -43,27 +41,14 @@ class Explorer {
     this.root.querySelector(".player").hidden = true;
   }
 
-  /** Particles stay off, until asked for, where the reader prefers less motion. */
-  stillForReducedMotion() {
-    const reduced = matchMedia("(prefers-reduced-motion: reduce)");
-    const box = this.root.querySelector("[data-layer=particles]");
-    const follow = () => { box.checked = !reduced.matches; };
-    reduced.addEventListener("change", () => { follow(); this.draw(); });
-    follow();
-  }
-
-  /** Rows of a route: in the list of routes, and in the season's table. */
-  rows(season, index) {
-    return document.querySelectorAll(`[data-route="${season}-${index}"]`);
+  /** Give a class to the cards and rows of a route [season, index], and to no others. */
+  mark(name, at) {
+    for (const row of document.querySelectorAll("[data-route]")) row.classList.toggle(name, at !== null && row.dataset.route === at.join("-"));
   }
 
   listen() {
-    for (const radio of this.root.querySelectorAll("[name=season]")) {
-      radio.addEventListener("change", () => this.select(Number(radio.value), this.selected[Number(radio.value)]));
-    }
-    for (const box of [...this.layers, ...this.root.querySelectorAll("[data-shown]")]) {
-      box.addEventListener("change", () => this.draw());
-    }
+    for (const radio of this.root.querySelectorAll("[name=season]")) radio.addEventListener("change", () => this.select(Number(radio.value), this.selected[Number(radio.value)]));
+    for (const box of [...this.layers, ...this.root.querySelectorAll("[data-shown]")]) box.addEventListener("change", () => this.draw());
     document.addEventListener("click", ({ target }) => {
       const row = target.closest("[data-select], article[data-route]");
       if (!row || !this.data) return;
@@ -74,21 +59,16 @@ class Explorer {
       const row = target.closest("[data-route]");
       if (row || !target.closest("#map")) this.hover(row && row.dataset.route.split("-").map(Number));
     });
-    for (const button of document.querySelectorAll("[data-place]")) {
-      button.addEventListener("click", () => this.reveal(button));
-    }
-    for (const button of this.root.querySelectorAll("[data-all]")) {
-      button.addEventListener("click", () => this.showAll(button.dataset.all === "all"));
-    }
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.map.changeScheme());
+    for (const button of document.querySelectorAll("[data-place]")) button.addEventListener("click", () => this.reveal(button));
+    for (const button of this.root.querySelectorAll("[data-all]")) button.addEventListener("click", () => this.showAll(button.dataset.all === "all"));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (this.data) { this.map.load(this.data); this.update(); } });
   }
 
   /** Stress a route [season, index] on the map and in the text, or none. */
   hover(at) {
     if (!this.data || String(at) === String(this.map.hovered)) return;
     this.map.hovered = at;
-    for (const row of document.querySelectorAll("[data-route].hovered")) row.classList.remove("hovered");
-    for (const row of at ? this.rows(...at) : []) row.classList.add("hovered");
+    this.mark("hovered", at);
     this.map.showRoutes(this.map.choice);
   }
 
@@ -126,13 +106,10 @@ class Explorer {
 
   /** Set every control to the selection, then draw it. */
   update() {
-    this.lists.forEach((list, season) => {
-      list.hidden = season !== this.season;
-    });
+    this.lists.forEach((list, season) => { list.hidden = season !== this.season; });
     for (const radio of this.root.querySelectorAll("[name=season]")) radio.checked = Number(radio.value) === this.season;
     for (const card of document.querySelectorAll("[data-card]")) card.classList.toggle("folded", Number(card.dataset.card) !== this.season);
-    for (const row of document.querySelectorAll("[data-route].selected")) row.classList.remove("selected");
-    for (const row of this.rows(this.season, this.selected[this.season])) row.classList.add("selected");
+    this.mark("selected", [this.season, this.selected[this.season]]);
     for (const button of document.querySelectorAll("button[data-select]")) {
       button.setAttribute("aria-pressed", String(button.closest(".selected") !== null));
     }
@@ -205,22 +182,6 @@ function fit(map, { bounds, grid }) {
   map.setMaxBounds(bounds.pad(0.5));
 }
 
-/** Open folded parts for printing. */
-function openForPrint() {
-  addEventListener("beforeprint", () => {
-    for (const folded of document.querySelectorAll("details:not([open])")) {
-      folded.open = true;
-      folded.dataset.folded = "";
-    }
-  });
-  addEventListener("afterprint", () => {
-    for (const opened of document.querySelectorAll("details[data-folded]")) {
-      opened.open = false;
-      delete opened.dataset.folded;
-    }
-  });
-}
-
 /** Record that the map is drawn, and lay out the rest of the page. */
 function ready() {
   document.documentElement.dataset.ready = Math.round(performance.now());
@@ -246,6 +207,5 @@ function openReport(explorer) {
   }
 }
 
-openForPrint();
 const found = document.querySelector(".explorer");
 if (found) openReport(found);

@@ -1,4 +1,4 @@
-// Quantities as text, in the same form as `formats/shared/text.py`; in nautical units if the reader asks for them.
+// Quantities as text, in the same form as `findings/text.py`; in nautical units if the reader asks for them.
 
 const ABSENT = "–";
 const MILE_M = 1852;
@@ -14,8 +14,7 @@ function formatNumber(value, digits = 4) {
   if (value === null || !Number.isFinite(value)) return ABSENT;
   if (value === 0) return "0";
   // Digits of the rounded value: 99.996 becomes 100, with three before the point.
-  const magnitude = Number(value.toExponential(digits - 1).split("e")[1]);
-  return formatDecimals(value, Math.max(0, digits - 1 - magnitude));
+  return formatDecimals(value, Math.max(0, digits - 1 - Number(value.toExponential(digits - 1).split("e")[1])));
 }
 
 /** A number to a fixed number of decimals. */
@@ -77,12 +76,7 @@ function formatPosition(now, planar) {
 }
 
 /** A course in three digits: 045°. */
-function formatCourse(degrees) {
-  return `${String(Math.round(degrees) % 360).padStart(3, "0")}°`;
-}
+const formatCourse = (degrees) => `${String(Math.round(degrees) % 360).padStart(3, "0")}°`;
 
 /** The current's component along the course, with its sign. */
-function formatCurrent(speed) {
-  const sign = speed < 0 ? "" : "+";
-  return `${sign}${formatSpeed(speed)}`;
-}
+const formatCurrent = (speed) => `${speed < 0 ? "" : "+"}${formatSpeed(speed)}`;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,8 @@ def test_routes_are_those_of_the_geopackage(any_run: RunResult, tmp_path: Path) 
             value = feature["properties"][name]
             if isinstance(expected, float) and not math.isfinite(expected):
                 assert value is None
+            elif isinstance(expected, datetime):
+                assert datetime.fromisoformat(value) == expected
             else:
                 assert value == expected
         ours = shapely.get_coordinates(shapely.geometry.shape(feature["geometry"]))

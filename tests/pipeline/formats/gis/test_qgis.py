@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from matplotlib.image import imread
 from pipeline.findings.result import RunResult
 from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
+from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.stages.places import unsimplified
 from tests.commands import ran
 from tests.pipeline.formats.gis.cases import badly_named, moved_east
@@ -29,9 +31,10 @@ pytestmark = pytest.mark.slow
 _QGIS = """
 import json, os, sys
 from qgis.core import (
-    QgsApplication, QgsCoordinateReferenceSystem, QgsExpression, QgsExpressionContextUtils,
-    QgsFeatureRequest, QgsMapRendererParallelJob, QgsMapSettings, QgsProject, QgsRectangle,
-    QgsVectorLayer,
+    QgsApplication, QgsCoordinateReferenceSystem, QgsExpression, QgsExpressionContext,
+    QgsExpressionContextUtils,
+    QgsDateTimeRange, QgsFeatureRequest, QgsLayoutExporter, QgsMapRendererParallelJob,
+    QgsMapSettings, QgsProject, QgsRectangle, QgsVectorLayer, QgsVectorLayerTemporalContext,
 )
 from qgis.PyQt.QtCore import QSize
 from qgis.PyQt.QtGui import QColor
@@ -78,6 +81,43 @@ def drawn_by_rules(layer):
     ]
 
 
+def texts(layer):
+    feature, found = next(layer.getFeatures()), {}
+    for i, field in enumerate(layer.fields()):
+        setup = layer.editorWidgetSetup(i)
+        formatter = QgsApplication.fieldFormatterRegistry().fieldFormatter(setup.type())
+        found[field.name()] = formatter.representValue(
+            layer, i, setup.config(), None, feature[i]
+        )
+    return found
+
+
+def display(layer):
+    context = QgsExpressionContext(
+        QgsExpressionContextUtils.globalProjectLayerScopes(layer)
+    )
+    context.setFeature(next(layer.getFeatures()))
+    return QgsExpression(layer.displayExpression()).evaluate(context)
+
+
+def there_at(layer, moment):
+    context = QgsVectorLayerTemporalContext()
+    context.setLayer(layer)
+    span = QgsDateTimeRange(moment, moment.addSecs(1))
+    condition = layer.temporalProperties().createFilterString(context, span)
+    request = QgsFeatureRequest().setFilterExpression(condition)
+    return sum(1 for _ in layer.getFeatures(request))
+
+
+def printed(layout):
+    exporter = QgsLayoutExporter(layout)
+    settings = QgsLayoutExporter.ImageExportSettings()
+    settings.dpi = 200
+    return exporter.exportToImage(f"{folder}/{layout.name()[-3:-1]}.png", settings)
+
+
+times = project.timeSettings().temporalRange()
+moments = [times.begin().addSecs(hour * 3600) for hour in range(-1, 80)]
 tree = project.layerTreeRoot()
 visible = [layer for layer in tree.layerOrder() if tree.findLayer(layer.id()).isVisible()]
 extent = QgsRectangle(project.viewSettings().defaultViewExtent())
@@ -97,6 +137,13 @@ found = {
         }
         for layer in project.mapLayers().values()
     },
+    "times": [time.toSecsSinceEpoch() for time in (times.begin(), times.end())],
+    "there": {
+        layer.id(): [there_at(layer, moment) for moment in moments]
+        for layer in project.mapLayers().values()
+        if layer.temporalProperties().isActive()
+    },
+    "printed": [printed(layout) for layout in project.layoutManager().layouts()],
     "errors": draw(visible, project.crs(), extent, "project", project.backgroundColor()),
 }
 plain, found["plain"] = [], {}
@@ -108,6 +155,8 @@ for name in layers:
         "styled": styled,
         "renderer": layer.renderer().type(),
         "columns": [field.name() for field in layer.fields()],
+        "texts": texts(layer),
+        "display": display(layer),
         "aliases": [layer.attributeDisplayName(i) for i in range(layer.fields().count())],
         "by_rules": drawn_by_rules(layer),
         "count": layer.featureCount(),
@@ -121,6 +170,17 @@ found["messages"] = messages
 print(json.dumps(found), flush=True)
 os._exit(0)  # QGIS's own end is not ours to test
 """
+
+
+DEPARTURE = datetime(2026, 7, 1, 6, tzinfo=UTC)
+
+
+@pytest.fixture(scope="session")
+def departing(result: RunResult) -> RunResult:
+    """The small run, as if it had a departure."""
+    seasons = [one.model_copy(update={"departure": DEPARTURE}) for one in result.scenario.seasons]
+    scenario = result.scenario.model_copy(update={"seasons": tuple(seasons)})
+    return replace(result, scenario=scenario)
 
 
 def environment(home: Path) -> dict[str, str]:
@@ -226,6 +286,58 @@ def test_plain_layers_are_styled_named_and_drawn(
     pixels = picture(tmp_path / "pictures" / "plain.png")
     for colour in (COLOURS["land"], season_colour(0)):
         assert count(pixels, colour) > 300
+
+
+def test_values_are_formatted_and_features_named(
+    qgis_python: str, departing: RunResult, tmp_path: Path
+) -> None:
+    write_geopackage(departing, tmp_path / "routes.gpkg")
+    plain = opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "pictures")["plain"]
+    best = departing.routes[0].metrics
+    shown = plain["routes"]["texts"]
+    assert shown["length_m"] == f"{best.length_m:,.1f}"
+    assert shown["optimality_gap"] == f"{best.optimality_gap:.3f}"
+    assert shown["departure"] == "2026-07-01 06:00"
+    assert plain["passage"]["texts"]["passed_at"] == "2026-07-01 06:00"
+    assert plain["routes"]["display"] == f"1: {best.way}"
+    assert "m/s towards" in plain["currents"]["display"]
+
+
+def test_time_goes_on_where_there_is_a_departure(
+    qgis_python: str, departing: RunResult, tmp_path: Path
+) -> None:
+    """A route is there while it is sailed, and a waypoint from when it is passed."""
+    write_geopackage(departing, tmp_path / "routes.gpkg")
+    found = opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "pictures")
+    took = [one.metrics.duration_s for one in departing.routes]
+    assert found["times"][0] == DEPARTURE.timestamp()
+    assert found["times"][1] - found["times"][0] == pytest.approx(max(took), abs=1.0)
+    for number, name in enumerate(("summer", "winter"), start=1):
+        case = departing.case(name)
+        ends = np.array([one.metrics.duration_s for one in case.routes])
+        passed = np.concatenate([points.time_s for points in case_waypoints(case)])
+        there = (found["there"][f"{layer}_season_{number}"] for layer in ("routes", "passage"))
+        for hour, (routes, points) in enumerate(zip(*there, strict=True), -1):
+            assert routes == (0 if hour < 0 else (ends >= 3600 * hour).sum())
+            assert points == (passed <= 3600 * hour + 0.5).sum()
+
+
+def test_layouts_are_printed_with_graticule_and_figures(
+    qgis_python: str, result: RunResult, tmp_path: Path
+) -> None:
+    write_geopackage(result, tmp_path / "routes.gpkg")
+    assert opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "p")["printed"] == [0, 0]
+    pixels = picture(tmp_path / "p" / "A4.png")
+    height, width = pixels.shape[:2]
+    assert width / height == pytest.approx(297 / 210, rel=0.01)
+    assert count(pixels, COLOURS["water"]) > 0.3 * pixels[..., 0].size
+    # At least four meridians and parallels across most of the map.
+    assert count(pixels, COLOURS["grid"], 12) > 4 * 0.5 * height
+    # Text above the map, below it, and in the lower right corner.
+    ink = pixels.max(axis=-1) < 60
+    assert ink[: height // 6, : width // 2].any()
+    assert ink[-height // 8 :, : width // 2].any()
+    assert ink[-height // 8 :, 3 * width // 4 :].sum() > 400
 
 
 def test_bad_names_are_drawn_like_any_other(

@@ -131,7 +131,9 @@ def test_arrows_are_on_water_and_show_the_planners_current(
         corner = plane(result, current["corner"])[0]
         lattice = Lattice.of(result.water.chart.bounds, result.water.projection.scale)
         row, column = np.divmod(np.arange(len(velocity)), current["columns"])
-        places = corner + current["spacing"] * lattice.step * np.stack([column, row], axis=-1)
+        places = corner + current["spacing"] * lattice.step / lattice.step_m * np.stack(
+            [column, row], axis=-1
+        )
         moving = velocity.any(axis=1)
         assert not shapely.contains_xy(land, places[moving]).any()
         asked = result.case(entry.name).case.current(places[moving])

@@ -314,8 +314,8 @@ def test_the_page_is_small_and_has_styles_for_dark_print_and_phone(page: Page) -
     for query in ("prefers-color-scheme: dark", "print", "max-width"):
         assert re.search(rf"@media[^{{]*{query}", style)
     used = set(re.findall(r"var\((--[a-z0-9-]+)[),]", page.html))
-    # The map's own element has its ratio; the script sets the vessel's colour to its season's.
-    assert used <= set(re.findall(r"(--[a-z0-9-]+):", style)) | {"--ratio", "--vessel"}
+    # The map has its ratio, entries of the legend their colours; the script sets the vessel's.
+    assert used <= set(re.findall(r"(--[a-z0-9-]+):", style)) | {"--ratio", "--role", "--vessel"}
 
 
 def test_land_of_another_shoreline_stands_above_the_answer_and_an_unknown_current_below(
