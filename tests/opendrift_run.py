@@ -57,7 +57,7 @@ def follow(asked: dict[str, Any]) -> tuple[Any, Any]:
     model.add_reader([Field(str(path)), Land(shapely.from_wkb(asked["land"].tolist()).tolist())])
     lon, lat = asked["start"].T
     begun = [BEGIN + timedelta(seconds=float(one)) for one in asked["begun_s"]]
-    model.seed_elements(lon=lon, lat=lat, time=begun, number=len(lon))
+    model.seed_elements(lon=lon, lat=lat, time=begun, number=len(lon), radius=0)
     step = float(asked["step_s"])
     last = timedelta(seconds=float(asked["times_s"][-1]) - 2 * step)
     model.run(end_time=BEGIN + last, time_step=step, time_step_output=step)

@@ -53,13 +53,9 @@ def test_vessels_adrift_come_to_the_places_of_opendrift(tmp_path: Path, changes:
     rng = np.random.default_rng(1)
     start = rng.uniform((118.05, 9.05), (119.95, 10.95), (20 * STATIONS, 2))
     start = start[~shapely.intersects_xy(shapely.union_all(LAND).buffer(0.02), start)][:STATIONS]
-    begun = np.repeat(rng.uniform(0, 12 * HOUR, STATIONS).round(-2) // STEP_S * STEP_S, 1)
+    begun = rng.uniform(0, 12 * HOUR, STATIONS) // STEP_S * STEP_S
     table = planar_current(grid, projection, extent.bounds).table(extent.bounds)
-    chart = (
-        Chart(extent, land.tolist(), point_scale=projection.plane_scale)
-        if hasattr(projection, "plane_scale")
-        else Chart(extent, land.tolist())
-    )
+    chart = Chart(extent, land.tolist(), point_scale=projection.scale_at)
     until = times[-1] - 2 * STEP_S
     seconds, ends = Drift.of(chart, table, land, 72 * HOUR).follow(
         projection.to_plane(start), begun, (72 * HOUR, until)
@@ -85,13 +81,5 @@ def test_vessels_adrift_come_to_the_places_of_opendrift(tmp_path: Path, changes:
     apart = Geod(ellps="WGS84").inv(*own.T, *places.T)[2]
     reach = Geod(ellps="WGS84").inv(*start.T, *own.T)[2]
     share = apart[both] / np.maximum(reach[both], 1.0)
-    late = np.abs(theirs - seconds)[both]
-    print(
-        both.sum(),
-        np.isfinite(theirs).sum(),
-        np.isfinite(seconds).sum(),
-        np.percentile(share, (50, 90, 95, 100)),
-        np.percentile(late, (50, 90, 95, 100)),
-        np.percentile(apart[both], (50, 90, 100)),
-    )
-    assert both.sum() > 0
+    assert both.sum() > 80
+    assert np.median(share) <= 0.05
