@@ -26,7 +26,7 @@ from pipeline.nightly.records import EarlierRoute
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import CYCLES, Currents, Season
 from pipeline.scenario.strict import Point
-from pipeline.stages.fetch import with_max_hours
+from pipeline.stages.fetch import on_clock
 from pipeline.texts import clean
 
 # Duration of a batch, s: a job that is killed loses its unfinished batches.
@@ -219,7 +219,9 @@ class Planning:
             if case.season.time_method == "mean":
                 update["time_method"] = None
         season = case.season.model_copy(update=update)
-        return with_max_hours(season, _longest(case)) if season.is_changing else season
+        if not season.is_changing and case.block.scenario.limits is None:
+            return season
+        return season.model_copy(update={"max_hours": on_clock(season, _longest(case)).max_hours})
 
     def leaves(self, case: NightCase) -> datetime | None:
         """Return a case's departure; None if neither the night nor the season gives one."""
