@@ -261,6 +261,10 @@ class UnreachableError(PlanningError):
     causes: tuple[PlanningError, ...] = ()
 
 
+class ShutStartError(UnreachableError):
+    """The start's water is shut; neither another way nor less padding helps."""
+
+
 class InfeasibleError(PlanningError):
     """One class can't be sailed; only inside the planner: a plan lists the class as rejected.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,10 @@ import renew
 from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import OverLimit
 from renew.request import Request
+from tests.clock_oracle import sailed
+from tests.moving_waters import Drifting
 from tests.oracles import grid_graph
+from tests.strategies import SIZE
 
 VESSEL = renew.Vessel(speed=3.0, turn_rate=math.radians(10), length=5.0)
 LIMIT = 1.2
@@ -27,6 +30,7 @@ _CALM, _VOYAGE_S = 0.5, 12_500.0
 # A hard-over turn reaches two radii and the drift in its time; without that room a way would slip
 # between two cells that touch at a corner, m. The corners of a square lie in all cells it touches.
 _ROOM = 2.0 * VESSEL.turning_radius
+_DRIFT = "projected"
 _SIDES = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
 
 
@@ -136,9 +140,13 @@ class StormyScene:
                 return float(now)
             legs = slice(graph.indptr[node], graph.indptr[node + 1])
             heads, lasts = graph.indices[legs], graph.data[legs]
+            if not self.current.is_steady:
+                at_once = np.full(len(heads), now)
+                lasts = self._sailed(points[node], points[heads], at_once) - now
             for number in range(begin.shape[1]):
-                there = np.maximum(now + lasts, begin[heads, number])
-                leave = there - lasts
+                leave, there = self._left_so_as_to_come(
+                    points[node], points[heads], (now, begin[heads, number]), lasts
+                )
                 good = (there <= end[heads, number]) & (there < labels[heads, number])
                 good &= (leave <= end[node, own]) if waits else (leave <= now + 1e-6)
                 heads_now, leave, there = heads[good], leave[good], there[good]
@@ -149,6 +157,31 @@ class StormyScene:
                     labels[head, number] = time
                     heapq.heappush(queue, (time, head, number))
         return math.inf
+
+    def _sailed(self, begin: FloatArray, ends: FloatArray, leave: FloatArray) -> FloatArray:
+        """When edges (n,) end that are begun at times (n,), s, in a current that changes."""
+        begun = np.broadcast_to(begin, ends.shape)
+        return sailed(begun, ends, leave, self.current, VESSEL, _DRIFT, 2)
+
+    def _left_so_as_to_come(
+        self,
+        begin: FloatArray,
+        ends: FloatArray,
+        times: tuple[float, FloatArray],
+        lasts: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """When edges (n,) are begun and ended that begin and end no earlier than the times, s."""
+        now, opens = times
+        there = np.maximum(now + lasts, opens)
+        leave = np.where(
+            np.isfinite(lasts), there - np.where(np.isfinite(lasts), lasts, 0.0), math.inf
+        )
+        # In a current that changes an edge that is begun later takes another time.
+        late = np.flatnonzero(np.isfinite(there) & (leave > now + 0.1))
+        for _ in range(3 if len(late) and not self.current.is_steady else 0):
+            there[late] = self._sailed(begin, ends[late], leave[late])
+            leave[late] += np.maximum(opens[late] - there[late], 0.0)
+        return leave, np.maximum(there, opens)
 
     def _open_spells(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Begin and end (n, most), s, of the spells in which nodes are open; to a minute."""
@@ -175,6 +208,16 @@ class StormyScene:
         for share in np.linspace(0, 1, math.ceil(longest / 200.0) + 1)[1:-1].tolist():
             clear &= self.is_open(begin + share * (ends - begin), leave + share * (there - leave))
         return clear
+
+
+def moving_storms(seed: int) -> StormyScene:
+    """Return a stormy scene in a current that changes: eddies drift through it, some strong."""
+    scene, rng = stormy_scene(seed), np.random.default_rng([seed, 64])
+    peak, period = rng.uniform(0.2, 0.9) * VESSEL.speed, rng.uniform(0.5, 3.0) * _VOYAGE_S
+    eddies = Drifting(seed, peak, period)
+    times = np.arange(0.0, scene.times[-1] + 1.0, _STEP)
+    current = renew.VaryingCurrent(times, lambda at, time: eddies(at * (SIZE / _WIDE), time))
+    return replace(scene, current=current)
 
 
 def stormy_scene(seed: int) -> StormyScene:

@@ -8,17 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from pipeline import model
 from pipeline._types import FloatArray
 from pipeline.findings import text
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
-from pipeline.model import (
-    DepartureChoice,
-    EnsembleFigures,
-    Note,
-    ReplanFigures,
-    RouteMetrics,
-    SpeedChoice,
-)
 
 AS_GOOD = 0.01
 """A departure that needs at most this share of fuel above the least counts as good."""
@@ -31,7 +24,7 @@ _IN_TIME = 5e-3
 _NO_LESS_FUEL = 5e-4
 
 
-def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
+def departure_text(choice: model.DepartureChoice) -> tuple[str, ...]:
     """Say in sentences when to leave."""
     if choice.arrive_by is not None:
         leave, by = text.exact_moment_text(choice.chosen), text.moment_text(choice.arrive_by)
@@ -69,7 +62,7 @@ def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _merit(choice: DepartureChoice) -> str:
+def _merit(choice: model.DepartureChoice) -> str:
     """Say in which respect the best departure is the best."""
     lasts = text.hours(choice.least_s)
     if choice.has_speeds:
@@ -79,7 +72,7 @@ def _merit(choice: DepartureChoice) -> str:
     return f"it is under way for the least time, {lasts}, and needs the least fuel"
 
 
-def _proof(choice: DepartureChoice) -> str:
+def _proof(choice: model.DepartureChoice) -> str:
     """Say what is proven about departures between the planned ones."""
     if choice.has_speeds:
         return (
@@ -97,7 +90,7 @@ def _proof(choice: DepartureChoice) -> str:
     )
 
 
-def _moment(choice: DepartureChoice, seconds: float) -> str:
+def _moment(choice: model.DepartureChoice, seconds: float) -> str:
     """Write a time of the choice's clock, seconds, as a date."""
     return text.moment_text(choice.first + timedelta(seconds=float(seconds)))
 
@@ -120,10 +113,10 @@ class SpeedTradeOff:
     case: str
     departure: datetime
     arrive_by: datetime
-    choice: SpeedChoice
+    choice: model.SpeedChoice
     durations_s: FloatArray
     fuels: FloatArray
-    metrics: RouteMetrics
+    metrics: model.RouteMetrics
     slowest: float
     fastest: float
 
@@ -192,10 +185,12 @@ def trade_off_text(chosen: SpeedTradeOff) -> tuple[str, ...]:
     return (f"{how} the vessel to the goal {there}, with the least fuel.", *_worth(chosen))
 
 
-def speed_notes(result: RunResult) -> tuple[Note, ...]:
+def speed_notes(result: RunResult) -> tuple[model.Note, ...]:
     """Note the speeds of each case in which they are chosen."""
     return tuple(
-        Note.of("speeds-chosen", found=one).about(*result.scenario.season_if_several(one.case))
+        model.Note.of("speeds-chosen", found=one).about(
+            *result.scenario.season_if_several(one.case)
+        )
         for one in trade_offs(result)
     )
 
@@ -238,21 +233,21 @@ _LEAST_S = 30.0
 _LEAST_M = 1.0
 
 
-def replanned_notes(result: RunResult) -> Iterator[Note]:
+def replanned_notes(result: RunResult) -> Iterator[model.Note]:
     """Yield a note on the new plan of a voyage under way."""
     for one in result.results:
         if one.replanned is not None:
-            yield Note.of("replanned", found=one.replanned).about(one.name)
+            yield model.Note.of("replanned", found=one.replanned).about(one.name)
 
 
-def replanned_text(replan: ReplanFigures) -> tuple[str, ...]:
+def replanned_text(replan: model.ReplanFigures) -> tuple[str, ...]:
     """Say in sentences whether the planned way is kept, at what fuel, and what changed the fuel."""
     margin = "in the margin around land; the plan begins in the water, {} from there"
     moved = f", {margin.format(text.distance(replan.moved_m))}" if replan.moved_m > 0 else ""
     return f"{_answer(replan)}.", f"The vessel is {_place(replan)}{moved}.", f"{_causes(replan)}."
 
 
-def _answer(replan: ReplanFigures) -> str:
+def _answer(replan: model.ReplanFigures) -> str:
     """Say which way to take, with the fuel of each side."""
     fuel = text.fuel(replan.fuel, replan)
     if replan.answer == "kept":
@@ -269,7 +264,7 @@ def _answer(replan: ReplanFigures) -> str:
     )
 
 
-def _place(replan: ReplanFigures) -> str:
+def _place(replan: model.ReplanFigures) -> str:
     """Say how far the vessel is off its plan, and how late or early."""
     off = (
         f"{text.distance(replan.off_m)} off its plan" if replan.off_m >= _LEAST_M else "on its plan"
@@ -280,7 +275,7 @@ def _place(replan: ReplanFigures) -> str:
     return f"{off} and {text.hours(abs(replan.late_s))} {early_or_late}"
 
 
-def _causes(replan: ReplanFigures) -> str:
+def _causes(replan: model.ReplanFigures) -> str:
     """Say what changed the fuel of the whole voyage."""
     changes = [
         f"{words} {'costs' if fuel > 0 else 'saves'} {text.fuel(abs(fuel), replan)}"
@@ -324,12 +319,12 @@ is the best, what is saved on average if the member is known before (the planner
 what share the mean of another single route may be smaller, at most."""
 
 
-def way_text(one: RouteMetrics) -> str:
+def way_text(one: model.RouteMetrics) -> str:
     """Name a route by its side, or by its rank where no island distinguishes it."""
     return one.main_passage or f"route {one.rank}"
 
 
-def side_shares(ensemble: EnsembleFigures, routes: Iterable[RouteMetrics]) -> str:
+def side_shares(ensemble: model.EnsembleFigures, routes: Iterable[model.RouteMetrics]) -> str:
     """Say in what share of the members each side is the best, the likeliest first."""
     shares: dict[str, float] = {}
     for one in routes:
@@ -338,19 +333,21 @@ def side_shares(ensemble: EnsembleFigures, routes: Iterable[RouteMetrics]) -> st
     return "; ".join(f"{side} in {text.percent(share, 0)}" for side, share in by_share if share)
 
 
-def close_sides(ensemble: EnsembleFigures, routes: Sequence[RouteMetrics]) -> list[str]:
+def close_sides(ensemble: model.EnsembleFigures, routes: Sequence[model.RouteMetrics]) -> list[str]:
     """Return the other sides that are not surely dearer than the first route's."""
     sides = dict.fromkeys(way_text(one) for one in routes if one.rank in ensemble.close)
     return [side for side in sides if side != way_text(routes[0])]
 
 
-def sides_text(ensemble: EnsembleFigures, routes: Sequence[RouteMetrics]) -> str:
+def sides_text(ensemble: model.EnsembleFigures, routes: Sequence[model.RouteMetrics]) -> str:
     """Say whether the side is too close to call, and the shares of the sides."""
     is_close = "too close to call: " if close_sides(ensemble, routes) else ""
     return is_close + side_shares(ensemble, routes)
 
 
-def ensemble_figures(ensemble: EnsembleFigures, routes: Sequence[RouteMetrics]) -> dict[str, Any]:
+def ensemble_figures(
+    ensemble: model.EnsembleFigures, routes: Sequence[model.RouteMetrics]
+) -> dict[str, Any]:
     """Return how sure a case's side is, by `ENSEMBLE_FIGURES`; None for what is not finite."""
     sides = {one.rank: way_text(one) for one in routes}
     flips = sum(sides.get(rank, sides[1]) != sides[1] for rank in ensemble.best_in)
@@ -371,10 +368,10 @@ def ensemble_text(case: RunCase) -> tuple[str, ...]:
     return () if ensemble is None or not routes else tuple(_sentences(ensemble, routes))
 
 
-def ensemble_notes(result: RunResult) -> tuple[Note, ...]:
+def ensemble_notes(result: RunResult) -> tuple[model.Note, ...]:
     """Note how sure the side of each case with members is."""
     return tuple(
-        Note.of("how-sure", said=said[0].removesuffix(".")).about(
+        model.Note.of("how-sure", said=said[0].removesuffix(".")).about(
             *result.scenario.season_if_several(case.name)
         )
         for case in result.cases
@@ -382,7 +379,7 @@ def ensemble_notes(result: RunResult) -> tuple[Note, ...]:
     )
 
 
-def _sentences(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
+def _sentences(ensemble: model.EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
     """Yield sentences on a case's routes in the members of its current."""
     metrics = [one.metrics for one in routes]
     best = way_text(metrics[0])
@@ -425,7 +422,7 @@ def _sentences(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> It
     yield from _shut(ensemble, routes)
 
 
-def _shut(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
+def _shut(ensemble: model.EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
     """Yield in which members routes can't be sailed."""
     for one in routes:
         members = [(member, why) for rank, member, why in ensemble.shut if rank == one.rank]

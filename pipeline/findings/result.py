@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -564,7 +564,26 @@ def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
             place=Place(row.adrift_lon, row.adrift_lat),
             soon=row.adrift_share,
             ashore=row.ashore_share,
+            carries="current and the wind carry" if case.case.leeway else "current carries",
         )
+
+
+def sea_notes(ranked: RankedRoute) -> Iterator[Note]:
+    """Yield notes on a vessel without thrust, and on the weather that a route meets."""
+    yield from adrift_notes(ranked)
+    yield from weather_notes(ranked)
+
+
+def weather_notes(ranked: RankedRoute) -> Iterator[Note]:
+    """Yield a note on the highest waves, and one on the strongest wind, that a route meets."""
+    row = partial(getattr, ranked.metrics)
+    for name, of, unit, key in (("waves", "wave", "m", "m"), ("wind", "wind", "m/s", "m_s")):
+        most, at, left = map(row, (f"worst_{of}_{key}", f"worst_{of}_at", f"{of}_headroom_{key}"))
+        place = Place(row(f"worst_{of}_lon"), row(f"worst_{of}_lat"))
+        if math.isfinite(most):
+            yield Note.of(
+                "worst-met", name=name, unit=unit, most=most, place=place, at=at, left=left
+            )
 
 
 def unsafe_notes(ranked: RankedRoute) -> Iterator[Note]:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunCase, RunResult, adrift_notes, has_all_depths, narrow_notes
+from pipeline.findings.result import RunCase, RunResult, has_all_depths, narrow_notes, sea_notes
 from pipeline.findings.text import (
     capitalised,
     duration,
@@ -183,7 +183,7 @@ def _facts(points: waypoints.Waypoints) -> list[str]:
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
         *(
             f"{capitalised(line)}."
-            for notes in (narrow_notes, adrift_notes)
+            for notes in (narrow_notes, sea_notes)
             for line in note_texts(notes(points.ranked))
         ),
         tables.tightest_text(case.case, tightest) if tightest else "",

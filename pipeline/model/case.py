@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray
@@ -192,11 +193,14 @@ class Case:
     areas, tidal_depth : areas and tidal water that are shut at times of the clock; the height of
         tide that tidal water needs includes the `under_keel_clearance_m`.
     weather : wind and waves with a limit; water over it is among the `areas`.
+    leeway : how the wind carries a vessel without thrust, m/s, beside the current.
+    anchorage : water in which the vessel can anchor while it waits, or None.
     speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
     members : the currents whose mean is the current.
     lanes : traffic lanes that no route may sail against.
     before : the plan that the vessel sails, if it is planned again under way, from `start` on.
     follows : name of the case that ends at the anchorage where this one begins; or "".
+    known : options, the tuple of areas, and the plan, if waits were looked for and none is needed.
     power : the vessel's power and what is on board, of which `spent_j` (joules) is used up before.
     """
 
@@ -211,6 +215,8 @@ class Case:
     departure: datetime | None = None
     areas: tuple[renew.ShutArea, ...] = ()
     weather: tuple[LimitedField, ...] = ()
+    leeway: Current | None = None
+    anchorage: BaseGeometry | None = None
     tidal_depth: renew.TidalDepth | None = None
     under_keel_clearance_m: float = 0.0
     speeds: SpeedChoice | None = None
@@ -218,6 +224,7 @@ class Case:
     lanes: tuple[Zone, ...] = ()
     before: VoyageBefore | None = None
     follows: str = ""
+    known: tuple[renew.PlanOptions, tuple[renew.ShutArea, ...], renew.Plan] | None = None
     power: PowerSpec | None = None
     spent_j: float = 0.0
 
@@ -283,6 +290,9 @@ class Case:
 
     def planned(self, options: renew.PlanOptions, arrive_by_s: float = math.inf) -> renew.Plan:
         """Plan the case in its current."""
+        known = self.known
+        if known is not None and known[0] == options and known[1] is self.areas:
+            return known[2]
         return renew.plan(
             self.chart,
             self.current,
@@ -311,6 +321,21 @@ class Case:
             avoid=self.areas,
         )
 
+    def adrift_in(self, current: renew.CurrentField) -> renew.CurrentField:
+        """Return what carries a vessel without thrust in a current: that, and leeway if known."""
+        leeway = self.leeway
+        grid = current.slices[0] if isinstance(current, renew.VaryingCurrent) else current
+        if leeway is None or not isinstance(grid, renew.GriddedCurrent):
+            return current
+        times = np.union1d(leeway.slice_times, [] if current.is_steady else current.slice_times)
+        begin, end = np.clip(current.span, *leeway.span)
+        nodes, slices = np.stack(np.meshgrid(grid.x, grid.y), axis=-1), list[renew.CurrentField]()
+        times = times[(times >= begin) & (times <= end)]
+        for time in times.tolist():
+            velocity = current.velocity(nodes, time) + leeway.velocity(nodes, time)
+            slices.append(renew.GriddedCurrent(grid.x, grid.y, *np.moveaxis(velocity, -1, 0)))
+        return renew.VaryingCurrent(times, slices)
+
     def later(self, shift_s: float, name: str) -> "Case":
         """Return the case called `name` whose clock begins `shift_s` seconds later."""
         depth, begin, members = self.tidal_depth, self.departure, self.members
@@ -322,6 +347,7 @@ class Case:
             name=name,
             current=_later_current(self.current, shift_s),
             members=members,
+            leeway=None if self.leeway is None else _later_current(self.leeway, shift_s),
             areas=tuple(
                 replace(one, begin=one.begin - shift_s, end=one.end - shift_s) for one in self.areas
             ),

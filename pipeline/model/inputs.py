@@ -400,7 +400,7 @@ class Fetched:
         no source has the world's land.
     land_key, current_keys : the keys of the land and of each case's current in the store.
     failures : the reasons why cases have no current, by case.
-    weather : wind and waves by case, and by the keys of their limits; `weather_keys` stand for it.
+    weather : wind and waves by case, and by the keys of their limits.
     """
 
     land: Land
@@ -411,7 +411,6 @@ class Fetched:
     current_keys: Mapping[str, str] = field(default_factory=dict)
     failures: Mapping[str, str] = field(default_factory=dict)
     weather: Mapping[str, Mapping[str, CurrentGrid]] = field(default_factory=dict)
-    weather_keys: tuple[object, ...] = ()
 
     @property
     def weather_credits(self) -> tuple[Credit, ...]:

@@ -109,6 +109,7 @@ class RouteMetrics:
     members_cvar90_fuel: float = math.nan
     members_regret: float = math.nan
     members_adrift_share: float = math.nan
+    members_over_limit_share: float = math.nan
     still_fuel: float = math.nan
     energy: Energy | None = None
 

@@ -423,8 +423,9 @@ def _vessels(spec: CaseSpec, refuse: _Refuse) -> tuple[VesselSpec | None, ...]:
 
 def _seasons(spec: CaseSpec, scenario: Scenario, refuse: _Refuse) -> tuple[Season, ...]:
     """Return the scenario's seasons that the table asks for."""
-    for key in ("via", "avoid", "tide", "limits"):
-        if getattr(scenario, key):
+    wait = {"limits.wait": scenario.limits is not None and scenario.limits.wait_s}
+    for key in ("via", "avoid", "tide", "limits.wait"):
+        if wait.get(key) or getattr(scenario, key, None):
             refuse(
                 "scenario",
                 f"{scenario.name} has '{key}', which a night can't plan with; leave it out",
@@ -514,11 +515,14 @@ def _with_times(data: dict[str, Any]) -> dict[str, Any]:
         if isinstance(season, dict):
             currents = season.get("currents")
             sources = currents if isinstance(currents, list) else ()
-            if season.get("time_method") == "changing":
-                if not {"departures", "arrive_by"} & season.keys():
-                    time = {"departure": datetime.fromtimestamp(0, UTC)}
-            elif any(not isinstance(name, str) or looks_like_path(name) for name in sources):
-                time = {"valid": "1970-01"}  # files
+            is_changing = season.get("time_method") == "changing"
+            has_clock = is_changing or "limits" in data
+            if has_clock and not {"departures", "arrive_by"} & season.keys():
+                time = {"departure": datetime.fromtimestamp(0, UTC)}
+            if not is_changing and any(
+                not isinstance(name, str) or looks_like_path(name) for name in sources
+            ):
+                time |= {"valid": "1970-01"}  # files
         seasons.append({**time, **season} if time else season)
     return {**data, "seasons": seasons}
 

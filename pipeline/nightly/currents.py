@@ -9,16 +9,17 @@ one finds newer ones in their place. Each source has a folder, and in it a folde
 named by its reference time, or by its last time step where the files don't say one.
 """
 
+import contextlib
 import hashlib
 import itertools
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from glob import escape
 from pathlib import Path
 
-from pipeline.errors import PipelineError, StageError
+from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.machine.files import UNFINISHED, file_lock, flush_tree
 from pipeline.model.inputs import Issue
 from pipeline.nightly.cases import Block
@@ -27,7 +28,7 @@ from pipeline.scenario.season import Currents, Season, source_name
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files
 from pipeline.sources.cf.dataset import fatal_files
-from pipeline.sources.registry import current_source
+from pipeline.sources.registry import current_source, weather_files
 
 # Number of a hash's digits in a cycle's name.
 _DIGITS = 8
@@ -60,7 +61,7 @@ class Newest:
     time : the currents' reference time; their last step if the source gives none; None if they
         have no time.
     departures_from : earliest time of the first departure.
-    digest : hash of all currents' data, or of the numbers that define a plane's current.
+    digest : hash of all currents' and limited weather's data, or of a plane's numbers.
     is_timeless : whether all currents are numbers in a plane, for which no new forecast appears.
     ahead : for each source that is dated in the future, the reason why it is not used.
     """
@@ -114,7 +115,8 @@ def newest_currents(
         )
     if not issues and not planes:
         raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}; come again later")
-    digest = _hash(sorted([*planes, *(issue.digest for issue in issues)]))
+    weather = [digest for block in blocks for digest in _weather_digests(block)]
+    digest = _hash(sorted([*planes, *(issue.digest for issue in issues), *weather]))
     is_timeless = all(block.scenario.is_planar for block in blocks)
     dated = [(issue.reference or issue.last_step, issue) for issue in issues]
     times = [time for time, _ in dated if time is not None]
@@ -128,6 +130,13 @@ def newest_currents(
     starts = (issue.reference or issue.first_step for issue in of_newest)
     first = min(start for start in starts if start is not None)
     return Newest(cycle, newest, first, digest, is_timeless, ahead)
+
+
+def _weather_digests(block: Block) -> Iterator[str]:
+    """Yield hashes of the files of wind and waves; the currents' tasks say what is missing."""
+    for _, source in weather_files(block.scenario):
+        with contextlib.suppress(RequestError):
+            yield source.issue(block.seasons[0]).digest
 
 
 def _issue(

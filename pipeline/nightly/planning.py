@@ -23,18 +23,10 @@ from pipeline.nightly.cases import NightCase, sources_of
 from pipeline.nightly.currents import ComeAgainError, Newest, kept_forecasts
 from pipeline.nightly.cycles import Partial, Row
 from pipeline.nightly.records import EarlierRoute
-from pipeline.nightly.worker import (
-    STAGE,
-    ChartTask,
-    CurrentTask,
-    NightCaseTask,
-    PlanBatch,
-    chart_key,
-)
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import CYCLES, Currents, Season
 from pipeline.scenario.strict import Point
-from pipeline.stages.fetch import with_max_hours
+from pipeline.stages.fetch import on_clock
 from pipeline.texts import clean
 
 # Duration of a batch, s: a job that is killed loses its unfinished batches.
@@ -62,7 +54,7 @@ _DIED = (
 class Preparation:
     """Charts or currents to make, as `Work` of the workers; `failures` are keyed by path."""
 
-    tasks: Iterable[ChartTask | CurrentTask]
+    tasks: Iterable[worker.ChartTask | worker.CurrentTask]
     on_done: Callable[[], None]
     failures: dict[Path, str]
 
@@ -71,28 +63,28 @@ class Preparation:
         self._waiting = deque(self.tasks)
         self._tried = set[Path]()
 
-    def next_task(self, workers: int) -> ChartTask | CurrentTask | None:
+    def next_task(self, workers: int) -> worker.ChartTask | worker.CurrentTask | None:
         """Return the next task, or None."""
         del workers
         return self._waiting.popleft() if self._waiting else None
 
-    def done(self, task: ChartTask | CurrentTask, result: None) -> None:
+    def done(self, task: worker.ChartTask | worker.CurrentTask, result: None) -> None:
         """Report a finished task."""
         del task, result
         self.on_done()
 
-    def died(self, task: ChartTask | CurrentTask, reason: str) -> None:
+    def died(self, task: worker.ChartTask | worker.CurrentTask, reason: str) -> None:
         """Try a task again whose worker died; record the failure of one that killed two."""
         del reason  # the case's row names what may have been the reason
         if task.path not in self._tried:
             self._tried.add(task.path)
             self._waiting.append(task)
             return
-        kind = "chart" if isinstance(task, ChartTask) else "current"
+        kind = "chart" if isinstance(task, worker.ChartTask) else "current"
         self.failures[task.path] = f"{_BROKEN}preparing its {kind} failed: {_DIED}"
         self.on_done()
 
-    def failed(self, task: ChartTask | CurrentTask, error: Exception) -> None:
+    def failed(self, task: worker.ChartTask | worker.CurrentTask, error: Exception) -> None:
         """Record why a chart or current can't be made; a failure of the machine ends the night."""
         if isinstance(error, MachineError):
             raise error
@@ -137,11 +129,11 @@ class Planning:
             of_charts.setdefault(self.chart_path(case), case)
             of_currents.setdefault(self.current_path(case), case)
         charts = [
-            ChartTask(_scenario(case), _ends(case), self.store.root, path)
+            worker.ChartTask(_scenario(case), _ends(case), self.store.root, path)
             for path, case in of_charts.items()
         ]
         currents = [
-            CurrentTask(self.season(case), self.chart_path(case), self.store.root, path)
+            worker.CurrentTask(self.season(case), self.chart_path(case), self.store.root, path)
             for path, case in of_currents.items()
         ]
         total, done = len(charts) + len(currents), 0
@@ -151,7 +143,7 @@ class Planning:
             done += 1
             self.on_progress(done, total)
 
-        def make(tasks: Iterable[ChartTask | CurrentTask]) -> None:
+        def make(tasks: Iterable[worker.ChartTask | worker.CurrentTask]) -> None:
             missing = [task for task in tasks if read_checked(task.path) is None]
             workers.run(Preparation(missing, progress, self.failures), self.check)
 
@@ -185,7 +177,7 @@ class Planning:
             done += sum(not row["rank"] for row in rows)
             self.on_progress(done, len(waiting))
 
-        def keep_broken(task: NightCaseTask) -> None:
+        def keep_broken(task: worker.NightCaseTask) -> None:
             reason = f"broken: {_DIED}, twice"
             keep([worker.failed_row(task, reason, self.stale, status=worker.BROKEN)])
 
@@ -194,7 +186,7 @@ class Planning:
     def chart_path(self, case: NightCase) -> Path:
         """Return the path of a case's chart."""
         if case.chart not in self._chart_paths:
-            path = self.store.path("night-chart", chart_key(_scenario(case), _ends(case)))
+            path = self.store.path("night-chart", worker.chart_key(_scenario(case), _ends(case)))
             self._chart_paths[case.chart] = path
         return self._chart_paths[case.chart]
 
@@ -205,7 +197,7 @@ class Planning:
         if key not in self._current_paths:
             made_from = (self.newest.digest, chart.name, self.season(case).model_dump(mode="json"))
             self._current_paths[key] = self.store.path(
-                "night-current", artefact_key(STAGE, *made_from)
+                "night-current", artefact_key(worker.STAGE, *made_from)
             )
         return self._current_paths[key]
 
@@ -227,7 +219,9 @@ class Planning:
             if case.season.time_method == "mean":
                 update["time_method"] = None
         season = case.season.model_copy(update=update)
-        return with_max_hours(season, _longest(case)) if season.is_changing else season
+        if not season.is_changing and case.block.scenario.limits is None:
+            return season
+        return season.model_copy(update={"max_hours": on_clock(season, _longest(case)).max_hours})
 
     def leaves(self, case: NightCase) -> datetime | None:
         """Return a case's departure; None if neither the night nor the season gives one."""
@@ -241,15 +235,15 @@ class Planning:
         sources = sources_of(case.season, case.member)
         return tuple(source for source in sources if source not in self.newest.ahead)
 
-    def _batch(self, cases: Sequence[NightCase]) -> PlanBatch:
+    def _batch(self, cases: Sequence[NightCase]) -> worker.PlanBatch:
         """Return a batch of cases on one chart."""
         tasks = tuple(map(self._case_task, cases))
-        return PlanBatch(tasks, self.chart_path(cases[0]), self.look_percent, self.stale)
+        return worker.PlanBatch(tasks, self.chart_path(cases[0]), self.look_percent, self.stale)
 
-    def _case_task(self, case: NightCase) -> NightCaseTask:
+    def _case_task(self, case: NightCase) -> worker.NightCaseTask:
         """Return the task of a case."""
         pair, current, chart = case.pair, self.current_path(case), self.chart_path(case)
-        return NightCaseTask(
+        return worker.NightCaseTask(
             case.index,
             case.name,
             case.names,
@@ -301,20 +295,20 @@ class BatchWork:
     """
 
     charts: Mapping[Path, Iterable[NightCase]]
-    batch: Callable[[Sequence[NightCase]], PlanBatch]
-    on_broken: Callable[[NightCaseTask], None]
+    batch: Callable[[Sequence[NightCase]], worker.PlanBatch]
+    on_broken: Callable[[worker.NightCaseTask], None]
     on_done: Callable[[list[Row]], None]
     # Seconds per case on a chart, once a batch on it has ended.
     _seconds: dict[Path, float] = field(default_factory=dict)
     _deaths: Counter[int] = field(default_factory=Counter)
     # Halves of batches whose worker died.
-    _suspects: deque[PlanBatch] = field(default_factory=deque)
+    _suspects: deque[worker.PlanBatch] = field(default_factory=deque)
 
     def __post_init__(self) -> None:
         """Queue all cases."""
         self._waiting = {path: deque(cases) for path, cases in self.charts.items()}
 
-    def next_task(self, workers: int) -> PlanBatch | None:
+    def next_task(self, workers: int) -> worker.PlanBatch | None:
         """Return the next batch; halves of a batch that killed its worker come first."""
         if self._suspects:
             return self._suspects.popleft()
@@ -324,13 +318,13 @@ class BatchWork:
                 return self.batch([waiting.popleft() for _ in range(count)])
         return None
 
-    def done(self, task: PlanBatch, result: list[Row]) -> None:
+    def done(self, task: worker.PlanBatch, result: list[Row]) -> None:
         """Update the seconds per case from a finished batch, and keep its rows."""
         seconds = sum(row["seconds"] for row in result if "seconds" in row)
         self._seconds[task.chart_path] = seconds / len(task.cases)
         self.on_done(result)
 
-    def died(self, task: PlanBatch, reason: str) -> None:
+    def died(self, task: worker.PlanBatch, reason: str) -> None:
         """Halve a batch; a single case is tried once more, and then recorded as broken."""
         del reason  # the case's row names what may have been the reason
         if (count := len(task.cases)) > 1:
@@ -344,7 +338,7 @@ class BatchWork:
         else:
             self.on_broken(case)
 
-    def failed(self, task: PlanBatch, error: Exception) -> None:
+    def failed(self, task: worker.PlanBatch, error: Exception) -> None:
         """End the night: a batch fails for reasons such as a full disk, not because of a case."""
         del task
         raise error

@@ -26,20 +26,11 @@ from pipeline.formats.appearance import style_colours
 from pipeline.formats.gis import layers
 from pipeline.geo.projection import bounds_of
 from pipeline.machine.store import load_artefact
+from pipeline.nightly import records
 from pipeline.nightly.cases import NONE
 from pipeline.nightly.currents import Newest
 from pipeline.nightly.cycles import Partial, Row, writing
 from pipeline.nightly.planning import Planning
-from pipeline.nightly.records import (
-    ACT,
-    CASES_FILE,
-    COLUMNS,
-    HISTORY_FILE,
-    LOOK,
-    OUTCOMES,
-    SAME,
-    EarlierRoute,
-)
 from pipeline.nightly.worker import PLANNED, NightChart
 from pipeline.texts import cell, clean
 
@@ -57,7 +48,7 @@ _TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT, "time": _TIME}
 
 def _columns(table: str) -> list[tuple[str, pa.DataType]]:
     """Return names and types of the columns of a table."""
-    named: list[str] = COLUMNS[table]
+    named: list[str] = records.COLUMNS[table]
     return [(name, _TYPES[kind]) for name, kind in map(str.split, named)]
 
 
@@ -118,10 +109,10 @@ def write_changes(cases: Iterable[Row], path: Path) -> None:
     """Write the changes of a cycle; without an earlier cycle, only the header."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS["changes"])
+        writer.writerow(records.COLUMNS["changes"])
         for row in cases:
             if row["earlier_cycle"]:
-                writer.writerow([_spelled(row[column]) for column in COLUMNS["changes"]])
+                writer.writerow([_spelled(row[column]) for column in records.COLUMNS["changes"]])
 
 
 def _spelled(value: object) -> object:
@@ -241,7 +232,7 @@ class ChartMap:
         points = [f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True)]
         return f"M{'L'.join(points)}"
 
-    def add(self, row: Row, chart: NightChart, earlier: EarlierRoute | None) -> None:
+    def add(self, row: Row, chart: NightChart, earlier: records.EarlierRoute | None) -> None:
         """Add a case's best route and, if given, yesterday's."""
         paths = [] if earlier is None else [(earlier.path, True)]
         if row["geometry"] is not None:
@@ -255,7 +246,8 @@ class ChartMap:
     def drawn(self) -> list[Row]:
         """The lines in the order of drawing; cases to look at are drawn last, on top."""
         return sorted(
-            self.lines, key=lambda line: (OUTCOMES.index(line["outcome"]), line["is_earlier"])
+            self.lines,
+            key=lambda line: (records.OUTCOMES.index(line["outcome"]), line["is_earlier"]),
         )
 
 
@@ -264,7 +256,7 @@ def page_text(
     cases: Sequence[Row],
     notes: Sequence[str],
     chart_of: Callable[[int], NightChart | None],
-    earlier: Mapping[str, EarlierRoute],
+    earlier: Mapping[str, records.EarlierRoute],
 ) -> str:
     """Return the page of a cycle.
 
@@ -276,9 +268,9 @@ def page_text(
     chart_of : returns the chart of a case by its index; None if it could not be made.
     earlier : yesterday's routes by the case.
     """
-    counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
+    counts: Counter[str] = Counter(dict.fromkeys(records.OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}
-    rows: dict[str, list[Row]] = {ACT: [], LOOK: [], SAME: []}
+    rows: dict[str, list[Row]] = {records.ACT: [], records.LOOK: [], records.SAME: []}
     earlier_cycle, in_members = "", list[Row]()
     for row in cases:
         outcome = row["outcome"]
@@ -297,8 +289,8 @@ def page_text(
         if row["source"] and len(chart_map.currents) < 4:
             chart_map.currents[f"{row['source']}, {row['currents']}"] = None
         if len(chart_map.lines) < _MAX_LINES and chart is not None:
-            chart_map.add(row, chart, earlier.get(row["case"]) if outcome != SAME else None)
-    shown = [*rows[ACT], *rows[LOOK]][:_MAX_ROWS]
+            chart_map.add(row, chart, earlier.get(row["case"]) if outcome != records.SAME else None)
+    shown = [*rows[records.ACT], *rows[records.LOOK]][:_MAX_ROWS]
     loaded = text.environment("pipeline.nightly", "pipeline.formats.report")
     loaded.filters.update({"number": text.number, "distance": text.distance})
     return loaded.get_template("night.html.jinja").render(
@@ -308,7 +300,7 @@ def page_text(
         notes=notes,
         counts=counts,
         rows=shown,
-        hidden=counts[ACT] + counts[LOOK] - len(shown),
+        hidden=counts[records.ACT] + counts[records.LOOK] - len(shown),
         in_members=in_members,
         maps=maps.values(),
         **style_colours(),
@@ -347,11 +339,16 @@ _VERSION = "1.1.0"
 _PARQUET = "application/vnd.apache.parquet"
 _SQLITE = "application/geopackage+sqlite3"
 _ASSETS = {
-    "cases": (CASES_FILE, _PARQUET, "One row per case: its best route, and what changed", "data"),
+    "cases": (
+        records.CASES_FILE,
+        _PARQUET,
+        "One row per case: its best route, and what changed",
+        "data",
+    ),
     "routes": (ROUTES_FILE, _PARQUET, "One row per route", "data"),
     "geopackage": (GEOPACKAGE_FILE, _SQLITE, "The best routes, for a GIS", "data"),
     "changes": (CHANGES_FILE, "text/csv", "What changed since the cycle before", "metadata"),
-    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", "metadata"),
+    "history": (records.HISTORY_FILE, _PARQUET, "All cycles' cases and figures", "metadata"),
     "page": (PAGE_FILE, "text/html", "What to look at", "overview"),
 }
 RESULTS = (*(name for name, *_ in _ASSETS.values()), ITEM_FILE)
@@ -409,10 +406,10 @@ def write_files(
     cases = pa.Table.from_pylist(of_cases, CASE_SCHEMA)
     case_rows = cases.to_pylist()  # with all columns, which the rows of some cases lack
     with writing(folder):
-        write_table(cases, folder / CASES_FILE)
+        write_table(cases, folder / records.CASES_FILE)
         write_table(pa.Table.from_pylist(routes, ROUTE_SCHEMA), folder / ROUTES_FILE)
         write_changes(case_rows, folder / CHANGES_FILE)
-        write_history(history, case_rows, folder / HISTORY_FILE, newest)
+        write_history(history, case_rows, folder / records.HISTORY_FILE, newest)
         write_geopackage(routes, folder / GEOPACKAGE_FILE, newest.time)
         page = page_text(newest, case_rows, notes, _charts(planning), planning.earlier)
         (folder / PAGE_FILE).write_text(page, encoding="utf-8")
@@ -433,7 +430,7 @@ def _counted(cases: Sequence[Row], partial: Partial) -> dict[str, Any]:
     outcomes = Counter(row["outcome"] for row in cases)
     return {
         "cases_by_status": dict(status),
-        "cases_by_outcome": {name: outcomes[name] for name in OUTCOMES},
+        "cases_by_outcome": {name: outcomes[name] for name in records.OUTCOMES},
         "planning_seconds": round(sum(row["seconds"] for row in cases), 3),
     }
 
@@ -455,14 +452,14 @@ def check_files(folder: Path, count: int) -> None:
     """
     faults = []
     try:
-        cases = pq.read_table(folder / CASES_FILE, columns=["index", "routes"])
+        cases = pq.read_table(folder / records.CASES_FILE, columns=["index", "routes"])
         if cases["index"].to_pylist() != list(range(count)):
-            faults.append(f"{CASES_FILE} has {cases.num_rows:,} rows for {count:,} cases")
+            faults.append(f"{records.CASES_FILE} has {cases.num_rows:,} rows for {count:,} cases")
         batches = pq.ParquetFile(folder / ROUTES_FILE).iter_batches()
         rows = sum(batch.num_rows for batch in batches)
         if rows != (expected := pc.sum(cases["routes"]).as_py() or 0):
             faults.append(f"{ROUTES_FILE} has {rows:,} rows for {expected:,} routes")
-        pq.read_table(folder / HISTORY_FILE, columns=["cycle"])
+        pq.read_table(folder / records.HISTORY_FILE, columns=["cycle"])
         uri = f"{(folder / GEOPACKAGE_FILE).as_uri()}?mode=ro"
         with closing(sqlite3.connect(uri, uri=True)) as database:
             if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":

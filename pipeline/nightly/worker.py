@@ -30,12 +30,13 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.current_field import land_freed_at_end
-from pipeline.sources.registry import charted_land
+from pipeline.sources.registry import charted_land, weather_grids
 from pipeline.stages.choose import with_offing
-from pipeline.stages.fetch import Fetcher
+from pipeline.stages.fetch import Fetcher, on_clock
+from pipeline.stages.limits import limited_fields, over_limits
 from pipeline.stages.places import plane_current, plane_water
 from pipeline.stages.plan_case import plan_case
-from pipeline.stages.project import members_of, planar_current, water_of
+from pipeline.stages.project import flow_of, members_of, planar_current, water_of
 from pipeline.stages.region import chosen_region
 from pipeline.stages.simplify import simplify
 from renew import Route
@@ -74,7 +75,8 @@ class NightCurrent:
     """A current in the planner's plane.
 
     `stand_in` is "" or says which current replaces the first choice, and why. `members` are there
-    if it is the mean of several, and `left_out` says which of them can't be used, and why.
+    if it is the mean of several, and `left_out` says which of them can't be used, and why. The
+    `weather` is wind and waves with a limit.
     """
 
     current: model.Current
@@ -83,6 +85,7 @@ class NightCurrent:
     stand_in: str
     members: model.MemberCurrents | None = None
     left_out: tuple[str, ...] = ()
+    weather: tuple[model.inputs.LimitedField, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +146,7 @@ def _loaded(path: Path, kind: type[_Stored]) -> _Stored:
 
 def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
     """Return the store's key of a scenario's chart on which `ends` stay in water."""
-    names = {"region", "plane", "scale", "chart", "vessel", "start", "goal", "planner"}
+    names = {"region", "plane", "scale", "chart", "vessel", "limits", "start", "goal", "planner"}
     inputs = scenario.model_dump(mode="json", include=names)
     identity = () if scenario.is_planar else charted_land(scenario).identity
     return artefact_key(STAGE, identity, inputs, list(ends))
@@ -191,8 +194,13 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     current = planar_current(grid, water.projection, water.chart.bounds)
     members = members_of(water, season.members, seed, current, grid)
     left_out = note_texts(note for note in grid.notes if note.kind == "member-left-out")
+    weather = limited_fields(
+        weather_grids(chart.scenario, on_clock(season, chart.scenario)),
+        chart.scenario.weather_limits,
+        flow_of(water, current),
+    )
     return NightCurrent(
-        current, grid.valid, grid.credit.name, _stand_in(grid), members, tuple(left_out)
+        *(current, grid.valid, grid.credit.name, _stand_in(grid), members, tuple(left_out)), weather
     )
 
 
@@ -302,8 +310,11 @@ def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> m
         under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
         members=current.members,
         power=scenario.vessel.power,
+        weather=current.weather,
+        areas=tuple(over_limits(current.weather, water.projection, water.chart.extent)),
     )
-    return voyage if current.current.is_steady else replace(voyage, departure=case.leaves)
+    is_steady = current.current.is_steady and not current.weather
+    return voyage if is_steady else replace(voyage, departure=case.leaves)
 
 
 def failed_row(case: NightCaseTask, reason: str, stale: str, status: str = FAILED) -> Row:

@@ -37,9 +37,12 @@ class VesselLimits(StrictModel):
     """Weather beyond which the vessel does not go."""
 
     wave_m: _Figure | None = None
+    period_s: _Figure | None = None
     wind_m_s: _Figure | None = None
     gust_m_s: _Figure | None = None
     wind_against_current: AgainstCurrent | None = None
+    anchor_m: _Figure | None = None
+    leeway: _Figure | None = Field(default=None, le=0.5)
 
 
 # A watt-hour, joules.

@@ -90,7 +90,7 @@ class StrictModel(BaseModel):
     """A frozen table that refuses unknown keys and numbers that are not finite.
 
     The description of a key, in the reference, in the schema and in messages, is in `keys.toml`
-    beside the model: to look for docstrings in the source takes 0.2 s at each start.
+    beside the model: to look for docstrings in the source takes 0.07 s at each start.
     """
 
     model_config = ConfigDict(

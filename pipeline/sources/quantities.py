@@ -31,6 +31,7 @@ _SPEEDS = {
     **dict.fromkeys(("knot", "kt", "kn", "international_knot", "nmi/h", "nm/h"), 1852 / 3600),
 }
 _HEIGHTS = {"m": 1.0, "cm": 0.01, **dict.fromkeys(("ft", "foot", "feet"), 0.3048)}
+_UNITS = {"m/s": _SPEEDS, "m": _HEIGHTS, "s": {"s": 1.0}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Quantity:
     ----------
     name : as a message calls it.
     standard_names, polar_names, variable_names : pairs of names, in the order of preference.
-    units : units in m/s or m, by their spelling, and `unit`, the one meant.
+    units : units in m/s, m or s, by their spelling, and `unit`, the one meant.
     examples : units that a message names.
     most : largest value that there can be, m/s or m: a larger one is a fill value or another unit.
     grib : components by their parameter: a number in edition 1, with the version of a centre's own
@@ -90,7 +91,7 @@ def _quantities() -> Iterator[Quantity]:
         about = ("name", "standard_name", "unit")
         yield Quantity(
             name=name,
-            units=_SPEEDS if row["unit"] == "m/s" else _HEIGHTS,
+            units=_UNITS[row["unit"]],
             grib={tuple(key): part for part, own in grib.items() for key in own["parameters"]},
             grib_names={part: tuple(own[key] for key in about) for part, own in grib.items()},
             **row,
@@ -98,4 +99,4 @@ def _quantities() -> Iterator[Quantity]:
 
 
 QUANTITIES = tuple(_quantities())
-CURRENT, WIND, GUST, WAVES = QUANTITIES
+CURRENT, WIND, GUST, WAVES, PERIOD = QUANTITIES

@@ -25,8 +25,8 @@ from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import NO_TIDE, CurrentSource, DepthRule, Issue, LandSource, TideRange
 from pipeline.scenario import catalogue
-from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec, VesselLimits
-from pipeline.scenario.model import LimitsSpec, Scenario
+from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.scenario.season import Currents, MembersSpec, Season, StreamConstants, period
 from pipeline.scenario.strict import near_miss
@@ -160,32 +160,36 @@ def current_source(
     assert_never(spec)
 
 
-def weather_files(spec: LimitsSpec, limits: VesselLimits) -> Iterator[tuple[str, CurrentSource]]:
-    """Yield the files that are needed, each by the name of its limit."""
+def weather_files(scenario: Scenario) -> Iterator[tuple[str, CurrentSource]]:
+    """Yield the files of wind and waves that are needed, each by the name of its limit."""
     from pipeline.sources.cf.adapter import CfFiles
-    from pipeline.sources.quantities import GUST, WAVES, WIND
+    from pipeline.sources.quantities import GUST, PERIOD, WAVES, WIND
 
+    spec, limits = scenario.limits, scenario.weather_limits
+    if spec is None:
+        return
     rows = (
         ("wave_m", spec.waves, WAVES),
+        ("period_s", spec.waves, PERIOD),
         ("wind_m_s", spec.wind, WIND),
         ("gust_m_s", spec.wind, GUST),
         ("wind_against_current", spec.wind, WIND),
+        ("leeway", spec.wind, WIND),
     )
     for name, paths, quantity in rows:
         if getattr(limits, name) is not None and paths:
             yield name, CfFiles(paths, quantity=quantity)
 
 
-def weather_grids(
-    spec: LimitsSpec, limits: VesselLimits, region: Polygon, season: Season
-) -> dict[str, CurrentGrid]:
-    """Read the fields that have a limit, on the clock of a season, by the name of the limit.
+def weather_grids(scenario: Scenario, season: Season) -> dict[str, CurrentGrid]:
+    """Read a scenario's wind and waves, on the clock of a season, by the names of their limits.
 
     Raises RequestError if a file can't be read, or lacks the region or the departure; all faults
     are listed.
     """
     found, faults = dict[str, CurrentGrid](), list[str]()
-    for name, source in weather_files(spec, limits):
+    region = Polygon() if scenario.region is None else scenario.region.shape
+    for name, source in weather_files(scenario):
         reason = source.uncovered_reason(region, season)
         if reason:
             faults.append(reason)

@@ -18,9 +18,9 @@ enough water, and it may lie in no shut area.
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -59,6 +59,7 @@ from pipeline.stages.plan_case import planned
 from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
 from renew.errors import Moment
 from renew.inputs.openings import Opening
+from renew.planner.plan import finished
 from renew.vary.waits import WaitingPlan, plan_waiting
 
 _T = TypeVar("_T")
@@ -66,13 +67,17 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Chosen:
-    """A complete scenario with its data and cases; the chosen departures, and notes on choices."""
+    """A complete scenario with its data and cases; the chosen departures, and notes on choices.
+
+    `known` are options and plan of cases whose waits were looked for, and that need none.
+    """
 
     scenario: Scenario
     fetched: Fetched
     cases: Artefact[tuple[Case, ...]]
     choices: tuple[DepartureChoice, ...] = ()
     notes: tuple[Note, ...] = ()
+    known: Mapping[str, tuple[renew.PlanOptions, renew.Plan]] = field(default_factory=dict)
 
     def case(self, name: str) -> Case:
         """Return the case of a name."""
@@ -207,9 +212,13 @@ def with_waits(given: Chosen) -> Chosen:
         with contextlib.suppress(renew.PlanningError):
             options = plan_options(given.scenario.planner, min_lateness=MIN_LATENESS_S)
             asked = case.copy().request(options)
-            found = in_thread(partial(plan_waiting, asked, spec.wait_s, tick=_MINUTE_S))
+            plan = partial(plan_waiting, tick=_MINUTE_S, anchorage=case.anchorage)
+            found = in_thread(partial(plan, asked, spec.wait_s))
             if found.waits:
                 waiting = _in_parts(waiting, case, found)
+            else:
+                known = {case.name: (options, finished(found.parts[0], asked))}
+                waiting = replace(waiting, known={**waiting.known, **known})
     return waiting
 
 
@@ -242,6 +251,7 @@ def _in_parts(given: Chosen, case: Case, found: WaitingPlan) -> Chosen:
             begin=case.moment(wait.begin),
             until=case.moment(wait.end),
             fuel=wait.fuel,
+            anchors=wait.at_anchor,
         )
         for wait in found.waits
     ]

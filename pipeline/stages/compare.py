@@ -14,7 +14,7 @@ import renew
 from pipeline.errors import Faults
 from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
-from pipeline.findings.result import RunResult, addressed, adrift_notes, unsafe_notes
+from pipeline.findings.result import RunResult, addressed, sea_notes, unsafe_notes
 from pipeline.findings.way_names import way_names
 from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
@@ -135,11 +135,11 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
 
 
 def safety_notes(result: RunResult) -> Iterator[Note]:
-    """Yield notes on where the best routes have no room to turn, and on a vessel without thrust."""
+    """Yield notes on room to turn, a vessel without thrust, and weather on the best routes."""
     for case in result.cases:
         for best in case.routes[:1]:
-            yield from (note.about(case.name) for note in unsafe_notes(best))
-            yield from (note.about(case.name) for note in adrift_notes(best))
+            for note in (*unsafe_notes(best), *sea_notes(best)):
+                yield note.about(case.name)
 
 
 def left_out_canals(result: RunResult) -> Iterator[Note]:

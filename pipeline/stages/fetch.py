@@ -118,21 +118,30 @@ def with_weather(fetched: Fetched, scenario: Scenario) -> Fetched:
     """
     if scenario.limits is None or scenario.region is None:
         return fetched
-
-    spec, limits, region = scenario.limits, scenario.weather_limits, scenario.region.shape
-    weather, keys = dict[str, dict[str, CurrentGrid]](), list[object]()
+    # All that is made in a current is made in its weather.
+    weather, current_keys = dict[str, dict[str, CurrentGrid]](), dict[str, str]()
+    limits = scenario.weather_limits.model_dump()
     for season in scenario.seasons:
-        clock = season.model_copy(update={"time_method": "changing"})
-        clock = with_max_hours(clock, scenario)
-        weather[season.name] = weather_grids(spec, limits, region, clock)
-        keys += [source.identity(clock) for _, source in weather_files(spec, limits)]
+        clock = on_clock(season, scenario)
+        weather[season.name] = weather_grids(scenario, clock)
+        if key := fetched.current_keys.get(season.name):
+            files = [source.identity(clock) for _, source in weather_files(scenario)]
+            current_keys[season.name] = artefact_key("weather", key, limits, files)
     notes = {
         name: [note for grid in grids.values() for note in grid.notes]
         for name, grids in weather.items()
     }
     return replace(
-        fetched, weather=weather, weather_keys=tuple(keys), notes=(*fetched.notes, *of_cases(notes))
+        fetched,
+        weather=weather,
+        current_keys=current_keys,
+        notes=(*fetched.notes, *of_cases(notes)),
     )
+
+
+def on_clock(season: Season, scenario: Scenario) -> Season:
+    """Return a season whose data change with time, with the hours that a voyage may last."""
+    return with_max_hours(season.model_copy(update={"time_method": "changing"}), scenario)
 
 
 def with_max_hours(season: Season, scenario: Scenario) -> Season:

@@ -14,15 +14,18 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.projection import Projection
-from pipeline.model import Case, CaseResult, CurrentGrid, Note
+from pipeline.model import Case, CaseResult, CurrentGrid, Land, Note
 from pipeline.model.inputs import LimitedField
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.model import Scenario
-from renew.inputs.openings import Opening, OverLimit
+from renew.inputs.openings import OverLimit
+from renew.inputs.options import Drift
+from renew.voyage.fuel import passage
 
 # Largest number of cells along either axis: cells of a finer field are joined, and a joined cell is
 # shut while one of them is. It limits the number of areas to what a plan can look at.
@@ -37,6 +40,7 @@ FlowAt = Callable[[FloatArray, float], FloatArray]
 # What messages call the fields, by the keys of their limits; the unit of each.
 _NAMES = {
     "wave_m": ("waves", "m"),
+    "period_s": ("wave periods", "s"),
     "wind_m_s": ("wind", "m/s"),
     "gust_m_s": ("gusts", "m/s"),
     "wind_against_current": ("wind against the current", "m/s"),
@@ -55,10 +59,11 @@ def limited_fields(
     blows to is strong enough, and 0 elsewhere.
     """
     found = []
-    for key, grid in grids.items():
+    for key in (name for name in _NAMES if name in grids):
+        grid = grids[key]
         limit, against = getattr(limits, key), limits.wind_against_current
         if key == "wind_against_current" and against is not None:
-            grid = _against(grid, against.current_m_s, flow)  # noqa: PLW2901 - the part that counts
+            grid = _against(grid, against.current_m_s, flow)
             # At its limit it is over it.
             limit = float(np.nextafter(against.wind_m_s, 0.0))
         size = np.hypot(grid.u, grid.v)
@@ -107,6 +112,15 @@ def over_limits(
         yield OverLimit(shapely.Polygon(extent.exterior), end, name=field.name, unit=field.unit)
 
 
+def anchorage(limits: VesselLimits, land: Land, projection: Projection) -> BaseGeometry | None:
+    """Return the water (planar m) that is charted as shallow enough to anchor in; None without."""
+    most_m = limits.anchor_m or 0.0
+    areas = [one.area for one in land.depth_areas if one.greatest_m <= most_m]
+    if not areas:
+        return None
+    return shapely.union_all(projection.geometry_to_plane(np.array(areas, dtype=object)))
+
+
 def _joined(field: LimitedField) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the axes and values (nt, ny, nx) of a field on at most so many cells, from outside in.
 
@@ -143,8 +157,11 @@ def _spells(shut: BoolArray) -> Iterator[tuple[int, int, int, int]]:
 _COLUMNS = {"waves": ("wave", "m"), "wind": ("wind", "m_s")}
 
 
-def worst_met(case: Case, route: renew.Route) -> dict[str, Any]:
-    """Return the worst waves and wind on a route on time, when and where, and what is left."""
+def worst_met(case: Case, route: renew.Route, drift: Drift) -> dict[str, Any]:
+    """Return the worst waves and wind on a route on time, when and where, and what is left.
+
+    In members of the current it is the share of them, by weight, in which a limit is exceeded.
+    """
     worst = dict[str, Any]()
     line = shapely.LineString(route.path)
     points = shapely.get_coordinates(shapely.segmentize(line, _SPACING * line.length))
@@ -163,6 +180,14 @@ def worst_met(case: Case, route: renew.Route) -> dict[str, Any]:
                 f"worst_{name}_lat": float(lonlat[at, 1]),
                 f"{name}_headroom_{unit}": field.limit - float(values[at]),
             }
+    if case.members is not None and case.weather:
+        over = list[bool]()
+        for current in case.members.currents:
+            taken = passage(points, current, case.vessel, drift=drift, chart=case.chart).durations
+            when = np.append(0.0, np.cumsum(taken))
+            over.append(any((one.at(lonlat, when) > one.limit).any() for one in case.weather))
+        share = float(np.average(over, weights=case.members.weights))
+        worst["members_over_limit_share"] = share
     return worst
 
 
@@ -171,10 +196,10 @@ def limit_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) 
     if scenario.limits is None and scenario.vessel.limits is not None:
         yield Note.of("limits-unchecked", vessel=scenario.vessel.label or "the vessel")
     for case, result in planned:
-        met = [] if result.plan is None else result.plan.shut
+        met = () if result.plan is None else result.plan.shut
+        known = [one for one in met if isinstance(one, OverLimit) and math.isfinite(one.most)]
         for field in case.weather:
-            own = _of(met, field)
-            if own:
+            if own := [one for one in known if one.name == field.name]:
                 yield Note.of(
                     "over-limit",
                     name=field.name,
@@ -184,9 +209,3 @@ def limit_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) 
                     begin=case.moment(min(area.begin for area in own)),
                     until=case.moment(max(area.end for area in own)),
                 ).about(case.name)
-
-
-def _of(areas: Sequence[Opening], field: LimitedField) -> list[OverLimit]:
-    """Return the areas that a field shuts, as far as it is known."""
-    own = [one for one in areas if isinstance(one, OverLimit) and one.name == field.name]
-    return [one for one in own if math.isfinite(one.most)]

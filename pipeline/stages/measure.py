@@ -186,7 +186,7 @@ class _RouteEvaluator:
             filled_share=self._filled_share(route),
             uncharted_share=self._uncharted_share(route),
         )
-        measured = replace(measured, **worst_met(self._case, route))
+        measured = replace(measured, **worst_met(self._case, route, self._options.drift))
         least, kept_m = route.least_water, self._case.under_keel_clearance_m
         if least is None or self._case.departure is None:
             return measured
@@ -220,7 +220,7 @@ class _RouteEvaluator:
         return renew.adrift(
             route,
             self._case.chart,
-            self._case.current if current is None else current,
+            self._case.adrift_in(self._case.current if current is None else current),
             land=self._land.tolist(),
             horizon=min(ADRIFT_S / self._projection.scale, horizon),
             lateness=self._options.lateness,

@@ -98,7 +98,10 @@ def plan_cases(
         on_case(status)
 
     def work(task: CaseTask) -> str:
-        done[task.case] = task.planned(cases[task.case].copy(), on_step)
+        case = cases[task.case].copy()
+        if known := chosen.known.get(task.case):
+            case = replace(case, known=(known[0], case.areas, known[1]))
+        done[task.case] = task.planned(case, on_step)
         return done[task.case].failure
 
     if waiting:

@@ -14,7 +14,7 @@ from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.lanes import keeping_lanes
 from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
-from renew.errors import Duration, Length, Text, TooLateError
+from renew.errors import Duration, Length, ShutStartError, Text, TooLateError
 from renew.request import Request
 from renew.results import Step, watched
 
@@ -115,6 +115,7 @@ def _failed(
     # In a wider region ways are longer, so a vessel that comes too late comes later still.
     is_shut = (
         isinstance(error, renew.UnreachableError)
+        and not isinstance(error, ShutStartError)
         and not any(isinstance(cause, TooLateError) for cause in error.causes)
         and not is_shut_in(case, error.straits, _smallest_padding(error, case, options))
     )

@@ -39,7 +39,7 @@ from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages import places
 from pipeline.stages.lanes import kept_lanes
-from pipeline.stages.limits import FlowAt, limited_fields, over_limits
+from pipeline.stages.limits import FlowAt, anchorage, limited_fields, over_limits
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
@@ -75,14 +75,7 @@ def projected(
         return tuple(replace(case, before=before) for case in made)
 
     speeds = [SpeedChoice.of(season) for season in scenario.seasons]
-    inputs: tuple[object, ...] = (
-        land.key,
-        dict(fetched.current_keys),
-        scene_inputs(scenario),
-        speeds,
-    )
-    if fetched.weather:
-        inputs = *inputs, scenario.weather_limits.model_dump(), fetched.weather_keys
+    inputs = land.key, dict(fetched.current_keys), scene_inputs(scenario), speeds
     return store.artefact("project", tuple, inputs, make)
 
 
@@ -128,7 +121,12 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
         else:
             current = planar_current(grid, water.projection, water.chart.bounds)
         grids_of = fetched.weather.get(season.name, {})
-        weather = limited_fields(grids_of, scenario.weather_limits, _flow_of(water, current))
+        weather = limited_fields(grids_of, scenario.weather_limits, flow_of(water, current))
+        leeway = None
+        if wind := grids_of.get("leeway"):
+            share = scenario.weather_limits.leeway or 0.0
+            carried = replace(wind, u=share * wind.u, v=share * wind.v)
+            leeway = planar_current(carried, water.projection, water.chart.bounds)
         vessel = planner_vessel(scenario.vessel_in(season))
         depends_on_date = season.is_changing or season.speed is not None or has_hours
         cases.append(
@@ -147,6 +145,8 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                     *over_limits(weather, water.projection, water.chart.extent),
                 ),
                 weather=weather,
+                leeway=leeway,
+                anchorage=anchorage(scenario.weather_limits, fetched.land, water.projection),
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
                 speeds=SpeedChoice.of(season),
@@ -158,7 +158,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
     return tuple(cases)
 
 
-def _flow_of(water: Water, current: Current) -> FlowAt:
+def flow_of(water: Water, current: Current) -> FlowAt:
     """Return the current, east and north, at lon/lat and a time."""
 
     def flow(lonlat: FloatArray, time: float) -> FloatArray:

@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import shapely
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import Channel, RoughPath, Transition, is_connected, simple_paths
@@ -121,14 +120,7 @@ class _Roads:
     def _dearer_in_narrows(self, graph: Roadmap) -> Roadmap:
         """Return a roadmap whose legs take longer the less room they have, so that few are used."""
         roomy, most = self.narrow
-        room = np.full(len(graph.points), roomy)
-        near, apart = self.triangulation.constrained_edge_tree.query_nearest(
-            shapely.points(graph.points),
-            max_distance=roomy,
-            return_distance=True,
-            all_matches=False,
-        )
-        room[near[0]] = apart
+        room = np.minimum(self.triangulation.room_at(graph.points, roomy), roomy)
         tail = np.repeat(np.arange(len(room)), np.diff(graph.first))
         lacking = 1 - np.minimum(room[tail], room[graph.head]) / roomy
         dearer = 1 + most * lacking

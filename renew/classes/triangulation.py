@@ -22,6 +22,7 @@ from contourpy import FillType, contour_generator
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import GeometryError, ParameterError, UnreachableError
 from renew.inputs.chart_and_vessel import Chart
+from renew.kernels.capsules import distances_within
 from renew.kernels.current_table import weakest_and_strongest
 from renew.voyage.voyage import Voyage
 
@@ -76,6 +77,15 @@ class Triangulation:
         edges = self.constrained_edges
         lines = shapely.linestrings(edges) if len(edges) else np.array([], dtype=object)
         return shapely.STRtree(lines)
+
+    def room_at(self, points: FloatArray, reach: float) -> FloatArray:
+        """Return the distances (...,), m, of points (..., 2) from land; inf beyond the reach, m.
+
+        Points that follow each other should be near each other.
+        """
+        start, end = np.ascontiguousarray(self.constrained_edges.swapaxes(0, 1))
+        found = distances_within(points.reshape(-1, 2), reach, start, end)
+        return np.asarray(found.reshape(points.shape[:-1]))
 
     @cached_property
     def on_land(self) -> BoolArray:

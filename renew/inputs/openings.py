@@ -56,6 +56,10 @@ class Opening(ABC):
     def is_shut(self, begin: FloatArray, end: FloatArray) -> BoolArray:
         """Whether it is shut at some time between each `begin` and `end` (n,), s."""
 
+    def is_shut_within(self, begin: float, end: float) -> bool:
+        """Whether it is shut at some time from `begin` to `end`, s."""
+        return bool(self.is_shut(np.array([begin]), np.array([end]))[0])
+
     @abstractmethod
     def hours(self, begin: float, end: float) -> FloatArray:
         """Return its spells (n, 2), s, in which it is shut, at least those from begin to end."""
@@ -109,6 +113,10 @@ class ShutArea(Opening):
     def is_shut(self, begin: FloatArray, end: FloatArray) -> BoolArray:
         """Whether it is shut at some time between each `begin` and `end` (n,), s."""
         return np.asarray((begin < self.end) & (end > self.begin))
+
+    def is_shut_within(self, begin: float, end: float) -> bool:
+        """Whether it is shut at some time from `begin` to `end`, s; quicker, as there are many."""
+        return begin < self.end and end > self.begin
 
     def hours(self, begin: float, end: float) -> FloatArray:  # noqa: ARG002 - as of a tidal area
         """Return the one spell (1, 2), s, in which it is shut."""

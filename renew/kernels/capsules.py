@@ -251,6 +251,25 @@ def segments_near(
     return first, np.array(near, dtype=np.int64)
 
 
+@kernel
+def distances_within(
+    points: FloatArray, reach: float, start: FloatArray, end: FloatArray
+) -> FloatArray:
+    """Return the distances (n,), m, of consecutive points from segments; inf beyond reach."""
+    least = np.full(len(points), np.inf)
+    bounds = capsule_bounds(Capsules(start, end, np.zeros(len(start))))
+    boxes = capsule_bounds(Capsules(points, points, np.full(len(points), reach)))
+    chosen = np.empty(len(start), dtype=np.int64)
+    for first in range(0, len(points), _BLOCK):
+        near = chosen[: _intersecting(bounds, boxes[first : first + _BLOCK], chosen)]
+        for i in range(first, min(first + _BLOCK, len(points))):
+            for h in near:
+                edge = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
+                least[i] = min(least[i], square_off(points[i, 0], points[i, 1], edge))
+            least[i] = math.sqrt(least[i]) if least[i] <= reach * reach else np.inf
+    return least
+
+
 @reading_kernel
 def _is_within(point: FloatArray, p: FloatArray, q: FloatArray, reach: float) -> bool:
     """Whether a point lies within reach of the segment pq."""

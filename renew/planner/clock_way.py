@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
@@ -26,6 +27,7 @@ from renew.classes.roadmap import GOAL, START, Resolution, Roadmap
 from renew.errors import UnreachableError
 from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.openings import Opening
+from renew.kernels.current_table import velocities
 from renew.kernels.viterbi import Stream, leg_time
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem
@@ -48,23 +50,26 @@ _TRIES = 12
 _SAME = 1e-3
 # Shortest wait (s) that is one: the time that is lost at a corner of the roadmap is none.
 _SHORTEST = 60.0
+# Ratio of costs from which a vessel waits at a later place.
+_CHEAPER = 1.01
 
 
 class TimedWay(NamedTuple):
     """A way: its points (n, 2), m; when the vessel comes to each, and when it leaves it (n,), s.
 
-    Each is open `until` (n,), s.
+    Each is open `until` (n,), s; a second's wait there has `costs` (n,), fuel units.
     """
 
     points: FloatArray
     arrive: FloatArray
     leave: FloatArray
     until: FloatArray
+    costs: FloatArray
 
     @classmethod
     def along(cls, path: FloatArray, times: FloatArray) -> "TimedWay":
         """Return the way along a path (n, 2), m, passed at times (n,), s."""
-        return cls(path, times, times, times)
+        return cls(path, times, times, times, times)
 
     @property
     def waits(self) -> IntArray:
@@ -84,7 +89,7 @@ class TimedWay(NamedTuple):
         arrive[0] = self.leave[first]
         leave = self.leave[of].copy()
         leave[-1] = arrive[-1]
-        return TimedWay(self.points[of], arrive, leave, self.until[of])
+        return TimedWay(self.points[of], arrive, leave, self.until[of], self.costs[of])
 
     def passing(self, areas: Sequence[Opening], voyage: Voyage) -> frozenset[Opening]:
         """Return the areas that are shut when the way passes beside them, early or late."""
@@ -99,25 +104,27 @@ class TimedWay(NamedTuple):
         begin, _ = voyage.early_and_late(np.interp(place, along, self.arrive))
         _, end = voyage.early_and_late(np.interp(place, along, self.leave))
         end = end + voyage.vessel.turn_period
-        return frozenset(
-            area
-            for area, first, last in zip(areas, begin[:, None], end[:, None], strict=True)
-            if area.is_shut(first, last)[0]
-        )
+        hours = zip(areas, begin.tolist(), end.tolist(), strict=True)
+        return frozenset(area for area, *each in hours if area.is_shut_within(*each))
 
 
-def clock_way(planner: ClassPlanner, areas: Sequence[Opening], longest: float) -> TimedWay | None:
+def clock_way(
+    planner: ClassPlanner,
+    areas: Sequence[Opening],
+    longest: float,
+    anchorage: BaseGeometry | None = None,
+) -> TimedWay | None:
     """Return the way that arrives first, with waits of up to `longest` (s) each; None without one.
 
     It begins at the departure of the planner's problem, and waits as late as it can. At its start,
     as in a harbour, the vessel may wait whether that is shut or not; elsewhere only where its water
-    stays open, and no current is as strong as the vessel.
+    stays open, and no current is as strong as the vessel, or in the anchorage.
     """
     voyage, parts = planner.problem.voyage, list[TimedWay]()
     departure = voyage.departure
     for at in range(len(voyage.stops) - 1):
         part = planner.problem.with_voyage(voyage.part(at, departure))
-        way = _part_way(part, planner, areas, longest)
+        way = _part_way(part, planner, areas, longest, anchorage)
         if way is None:
             return None
         parts.append(way)
@@ -126,7 +133,11 @@ def clock_way(planner: ClassPlanner, areas: Sequence[Opening], longest: float) -
 
 
 def _part_way(
-    problem: Problem, planner: ClassPlanner, areas: Sequence[Opening], longest: float
+    problem: Problem,
+    planner: ClassPlanner,
+    areas: Sequence[Opening],
+    longest: float,
+    anchorage: BaseGeometry | None,
 ) -> TimedWay | None:
     """Return the way of a voyage without via points."""
     voyage = problem.voyage
@@ -136,8 +147,11 @@ def _part_way(
         return None
     hours = _shut_hours(problem, planner, areas, graph.points)
     water = Stream(voyage.table, voyage.polar, voyage.clock)
-    holds = _can_hold(voyage, graph.points)
-    labels, last = _first_arrivals(graph, hours, water, time_to_go(graph), holds, longest)
+    costs = holding(voyage, graph.points, anchorage)
+    if not voyage.before:
+        costs[START] = 0.0
+    waits = np.where(np.isfinite(costs), longest, 0.0)
+    labels, last = _first_arrivals(graph, hours, water, time_to_go(graph), waits)
     if last < 0:
         return None
     chain = [last]
@@ -148,13 +162,13 @@ def _part_way(
     arrive = labels.arrival[order]
     leave = np.append(labels.left[order[1:]], arrive[-1])
     arrive[0] = voyage.departure
-    return TimedWay(points, arrive, leave, labels.until[order])
+    return TimedWay(points, arrive, leave, labels.until[order], costs[labels.node[order]])
 
 
 def waiting_early(way: TimedWay, voyage: Voyage) -> TimedWay:
-    """Return a way on which the vessel waits as early as it can, at best at the start.
+    """Return a way that waits where that is cheapest, and there as early as it can.
 
-    The search lets it wait where it would meet shut water next.
+    The search lets it wait where it would meet shut water next. At the start it costs nothing.
     """
     points, leave, arrive, until = way.points, way.leave.copy(), way.arrive.copy(), way.until
     water = Stream(voyage.table, voyage.polar, voyage.clock)
@@ -164,17 +178,31 @@ def waiting_early(way: TimedWay, voyage: Voyage) -> TimedWay:
         if later > leave[at]:
             late = later + leg_time(ax, ay, bx, by, later, water)
             leave[at] = max(leave[at], later - max(0.0, late - leave[at + 1]))
+    # A place up to the next one at which it has to wait may be cheaper.
+    last = np.append(np.flatnonzero(way.leave > way.arrive), len(points) - 1)
+    for at in range(len(points) - 1):
+        ahead = way.costs[at + 1 : last[np.searchsorted(last, at)] + 1]
+        if way.costs[at] > _CHEAPER * ahead.min(initial=math.inf):
+            leave[at] = arrive[at]
+        (ax, ay), (bx, by) = points[at], points[at + 1]
         arrive[at + 1] = leave[at] + leg_time(ax, ay, bx, by, leave[at], water)
-    return TimedWay(points, np.minimum(arrive, leave), leave, until)
+    return way._replace(arrive=np.minimum(arrive, leave), leave=leave)
 
 
-def _can_hold(voyage: Voyage, points: FloatArray) -> BoolArray:
-    """Whether the vessel can stay at each point (n, 2): no current there is as strong as it is."""
+def holding(voyage: Voyage, points: FloatArray, anchorage: BaseGeometry | None) -> FloatArray:
+    """Return the fuel a second (n,) that a vessel takes to stay at points (n, 2), m.
+
+    It is infinite where a current is as strong as the vessel, unless it can anchor there.
+    """
     table = voyage.table
-    if table.strongest < voyage.vessel.speed:
-        return np.ones(len(points), dtype=bool)
-    velocity = [voyage.current.velocity(points, time) for time in table.times.tolist()]
-    return np.asarray(np.linalg.norm(velocity, axis=2).max(axis=0) < voyage.vessel.speed)
+    speeds = np.linalg.norm(
+        [velocities(table, points, np.full(len(points), time)) for time in table.times], axis=2
+    )
+    costs = voyage.vessel.rates(np.minimum(speeds, voyage.vessel.speed)).mean(axis=0)
+    costs[speeds.max(axis=0) >= voyage.vessel.speed] = math.inf
+    if anchorage is not None:
+        costs[shapely.intersects_xy(anchorage, points)] = voyage.vessel.rates(0.0)
+    return np.asarray(costs)
 
 
 class _ShutHours(NamedTuple):
@@ -335,10 +363,11 @@ def _first_arrivals(
     hours: tuple[_ShutHours, _ShutHours],
     water: Stream,
     to_go: FloatArray,
-    holds: BoolArray,
-    longest: float,
+    waits: FloatArray,
 ) -> tuple[_Labels, int]:
     """Return the labels of a search, and the goal's label that is reached first; -1 for none.
+
+    The vessel waits at a node for at most `waits` (n,), s.
 
     Of two ways that come to a place as early, the one with less time under way counts: the other
     would meander where it could wait.
@@ -351,7 +380,7 @@ def _first_arrivals(
     queue = [(np.inf, -1)]
     for k in range(first[START], first[START + 1]):
         begin = max(departure, since[k])
-        if labels.until[k] >= begin and begin - departure <= longest:
+        if labels.until[k] >= begin and begin - departure <= waits[START]:
             labels.arrival[k], under_way[k] = begin, 0.0
             heapq.heappush(queue, (begin + to_go[START], k))
     is_done = np.zeros(len(since), dtype=np.bool_)
@@ -364,8 +393,7 @@ def _first_arrivals(
         if node == GOAL:
             return labels, k
         ways = _Ways(graph, first, between, water, labels, since, under_way, is_done)
-        may_wait = longest if holds[node] or node == START else 0.0
-        _go_on(ways, k, may_wait, to_go, queue)
+        _go_on(ways, k, waits[node], to_go, queue)
     return labels, -1
 
 

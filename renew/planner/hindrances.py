@@ -98,7 +98,7 @@ def _middles_of_narrows(
     if 0.0 < finer < spacing:
         middles, _ = _narrow_sections(clearance, channel, voyage, triangulation, finer)
     ends = np.stack([voyage.start, voyage.goal])
-    return np.concatenate([middles, ends[room_at(ends, triangulation, clearance) < clearance]])
+    return np.concatenate([middles, ends[triangulation.room_at(ends, clearance) < clearance]])
 
 
 def _narrow_sections(
@@ -115,27 +115,12 @@ def _narrow_sections(
     sections = sections_of(channel, voyage.start, voyage.goal, spacing, _ANGLE)
     for places in (*_FIRST_PLACES, _PLACES):
         points = sections.points(np.broadcast_to(places, (len(sections.left), len(places))))
-        room = room_at(points, triangulation, clearance)
+        room = triangulation.room_at(points, clearance)
         narrow = room.max(axis=1, initial=0.0) < clearance
         sections, points, room = sections.select(narrow), points[narrow], room[narrow]
     row = np.arange(len(room))
     best = room.argmax(axis=1)
     return points[row, best], room[row, best]
-
-
-def room_at(points: FloatArray, triangulation: Triangulation, reach: float) -> FloatArray:
-    """Return the distances (...,), m, of points (..., 2) from land; inf beyond the reach, m."""
-    room = np.full(points.shape[:-1], np.inf)
-    if room.size:
-        found, distance = triangulation.constrained_edge_tree.query_nearest(
-            shapely.points(points.reshape(-1, 2)),
-            # GEOS takes several times as long with an infinite distance as with none.
-            max_distance=reach if reach < math.inf else None,
-            return_distance=True,
-            all_matches=False,
-        )
-        room.flat[found[0]] = distance
-    return room
 
 
 def distances_from(edges: PaddedEdges, tree: shapely.STRtree, reach: float) -> FloatArray:

@@ -29,7 +29,7 @@ from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules
 from renew.paths.corridor import SLACK, Corridor
 from renew.paths.sections import free_intervals, sections_of
-from renew.planner.hindrances import distances_from, room_at
+from renew.planner.hindrances import distances_from
 from renew.planner.problem import NEEDED, Problem
 from renew.results import Shortfall
 from renew.steering.steer_in_corridor import steer_in_corridor
@@ -107,13 +107,15 @@ def _middles(
     """Return the lines through the middles of the sections that padding shuts, and shut ends."""
     radius = voyage.vessel.turning_radius
     shut = Capsules(padded.start, padded.end, padded.padding + SLACK * radius)
+    # What is shut is no further from land than padding is wide; a sliver of it may be open.
+    reach = 2 * float(shut.radius.max(initial=0.0))
     spacing, found = _SPACING * radius, (np.empty((0, 2)), np.empty(0), np.empty(0, dtype=int))
     for _ in range(2):
         sections = sections_of(channel, voyage.start, voyage.goal, spacing, _ANGLE)
         number = np.flatnonzero(free_intervals(sections, shut).blocked)
         blocked = sections.select(number)
         points = blocked.points(np.broadcast_to(_PLACES, (len(number), len(_PLACES))))
-        room = room_at(points, triangulation, math.inf)
+        room = triangulation.room_at(points, reach)
         row, best = np.arange(len(number)), room.argmax(axis=1) if len(number) else number
         found = points[row, best], room[row, best], number
         finest = float(found[1].min(initial=spacing))
@@ -172,7 +174,7 @@ def steered_tightly(
             if not error.places or len(corridor.voyage.via):
                 break
             place = error.places[0]
-        if not room_at(np.asarray(place), triangulation, NEEDED * radius) < math.inf:
+        if not triangulation.room_at(np.asarray(place), NEEDED * radius) < math.inf:
             break
         at = float(shapely.line_locate_point(line, shapely.Point(place)))
         begin, end, factor = at - _REACH * radius, at + _REACH * radius, _FASTER

@@ -13,7 +13,7 @@ area is safe.
 """
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar, cast
 
@@ -25,7 +25,9 @@ from renew._types import FloatArray, IntArray
 from renew.errors import (
     GoalInNoGoError,
     InfeasibleError,
+    Moment,
     PlanningError,
+    ShutStartError,
     StartInNoGoError,
     Text,
     TooLateError,
@@ -52,11 +54,13 @@ _T = TypeVar("_T")
 
 # Distance between the points at which a path is tested, in v/ω.
 _SPACING = 0.5
-# Largest number of these points.
-_MAX_POINTS = 20_000
+# Largest number of these points, and number of legs between them in a longer piece.
+_MAX_POINTS, _PIECE = 20_000, 64
 
 # Number of shut areas that an error names: with official levels each has its own hours.
 _MOST_NAMED = 3
+# Time (s) in which an area at a stop has to open: a tide that is too low for as long stays so.
+_HORIZON = 30 * 86_400.0
 
 
 def plan_request(request: Request) -> Plan:
@@ -70,6 +74,7 @@ def plan_request(request: Request) -> Plan:
             raise no_class_error(plan.rejected, planner)
         return plan, planner
 
+    check_start_open(request, request.departure)
     beside = _plan_past_weather(request)
     return plan_around(request.areas, plan_with) if beside is None else beside
 
@@ -81,7 +86,7 @@ def or_with_shortfall(request: Request, plan: Callable[[Request], _T]) -> _T:
         return plan(request)
     except UnreachableError as error:
         is_late = error.causes and all(isinstance(one, TooLateError) for one in error.causes)
-        if is_late or not options.may_fall_short:
+        if is_late or isinstance(error, ShutStartError) or not options.may_fall_short:
             raise
     return plan(replace(request, falls_short=True))
 
@@ -129,6 +134,28 @@ def _new_planner(request: Request, closed: Collection[Opening], most: float | No
     return ClassPlanner(problem.falling_short() if request.falls_short else problem)
 
 
+def check_start_open(request: Request, departure: float, longest: float = 0.0) -> None:
+    """Refuse a start that areas shut for longer than a wait may last (s), from a departure (s)."""
+    place, opens, shut = request.stops[0], departure, list[Opening]()
+    stays = request.options.min_lateness + request.vessel.turn_period
+    polygons = np.array([area.polygon for area in request.areas], dtype=object)
+    around = np.flatnonzero(shapely.intersects_xy(polygons, *place)).tolist()
+    span = departure, departure + _HORIZON
+    spells = ((*own, at) for at in around for own in request.areas[at].hours(*span).tolist())
+    for begin, end, at in sorted(spells):
+        if begin < opens + stays and end > opens:
+            opens = end
+            shut.append(request.areas[at])
+    if opens <= departure + longest:
+        return
+    remedy = "It does not open again: move it"
+    if opens < math.inf:
+        wait = f", or let the vessel wait{' longer' if longest else ''} (wait in [limits])"
+        remedy = "Depart after {2}" + wait * any(isinstance(area, OverLimit) for area in shut)
+    named = _named(shut, departure)
+    raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, Moment(opens))
+
+
 def meetings(
     route: Route, areas: Sequence[Opening], planner: ClassPlanner
 ) -> dict[Opening, InfeasibleError]:
@@ -137,16 +164,12 @@ def meetings(
         return {}
     voyage = planner.problem.voyage.leaving(float(route.times[0]))
     found = dict[Opening, InfeasibleError]()
-    for line, times in (
-        (route.path, route.times),
-        (route.trajectory[:, 1:3], route.trajectory[:, 0]),
-    ):
-        points, passed = _densified(line, times, _spacing(line, voyage.vessel))
+    for points, passed in _lines(route, voyage.vessel):
         early, late = voyage.early_and_late(passed)
         begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
         # Most of many areas, such as the cells of a wind, are open all the way.
-        all_way = np.array([begin.min()]), np.array([end.max()])
-        shut = [area for area in areas if area.is_shut(*all_way)[0]]
+        all_way = float(begin.min()), float(end.max())
+        shut = [area for area in areas if area.is_shut_within(*all_way)]
         leg, which = _near(points, shut, planner)
         for at in np.unique(which).tolist():
             near = np.sort(leg[which == at])
@@ -161,37 +184,59 @@ def meetings(
     return {area: found[area] for area in areas if area in found}
 
 
+def _lines(route: Route, vessel: Vessel) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield close points (n, 2), m, and times (n,), s, of a route's path and of its trajectory."""
+    for line, times in (
+        (route.path, route.times),
+        (route.trajectory[:, 1:3], route.trajectory[:, 0]),
+    ):
+        yield _densified(line, times, _spacing(line, vessel))
+
+
 def _near(
     points: FloatArray, areas: Sequence[Opening], planner: ClassPlanner
 ) -> tuple[IntArray, IntArray]:
     """Return the legs between points (n, 2), m, from which a turn may reach an area, with these."""
+    if not areas:
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
     far = np.full(len(points), planner.options.min_width)
     if planner.options.is_adaptive:
         far = planner.problem.reach(points)
     tree = shapely.STRtree([area.polygon for area in areas])
-    legs = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
-    leg, which = tree.query(legs, predicate="dwithin", distance=np.maximum(far[:-1], far[1:]))
-    return leg, which
+    # Most long pieces are far from all areas, so that their legs are, too.
+    pieces = np.arange(0, len(points) - 1, _PIECE)[:, None] + np.arange(_PIECE + 1)
+    pieces = np.minimum(pieces, len(points) - 1)
+    lines, reach = shapely.linestrings(points[pieces]), far[pieces].max(axis=1)
+    near = np.unique(tree.query(lines, predicate="dwithin", distance=reach)[0])
+    leg = np.unique(np.minimum(pieces[near, :-1], len(points) - 2))
+    legs = shapely.linestrings(np.stack([points[leg], points[leg + 1]], axis=1))
+    reach = np.maximum(far[leg], far[leg + 1])
+    at, which = tree.query(legs, predicate="dwithin", distance=reach)
+    return leg[at], which
 
 
 def first_clear(
     route: Route, areas: Sequence[Opening], planner: ClassPlanner, delays: FloatArray
 ) -> float | None:
-    """Return the first of some delays (s) with which a route's path meets no shut area, or None."""
-    voyage, (line, times) = planner.problem.voyage, (route.path, route.times)
-    spacing = _spacing(line, voyage.vessel)
-    leg, which = _near(_densified(line, times, spacing)[0], areas, planner)
-    order = np.argsort(which, kind="stable")
-    groups = np.split(leg[order], np.flatnonzero(np.diff(which[order])) + 1)
-    met = list(zip(np.unique(which).tolist(), groups, strict=False))
+    """Return the first of some delays (s) with which a route meets no shut area, or None."""
+    voyage, passages = planner.problem.voyage, list[tuple[Opening, FloatArray, FloatArray]]()
+    for points, passed in _lines(route, voyage.vessel):
+        leg, which = _near(points, areas, planner)
+        order = np.argsort(which, kind="stable")
+        legs = np.split(leg[order], np.flatnonzero(np.diff(which[order])) + 1)
+        for at, near in zip(np.unique(which).tolist(), legs, strict=False):
+            passages.append((areas[at], passed[near], passed[near + 1]))
     for delay in delays.tolist():
-        later = voyage.leaving(float(times[0]) + delay)
-        _, passed = _densified(line, later.arrivals(line), spacing)
-        if not np.isfinite(passed).all():
+        later = voyage.leaving(float(route.times[0]) + delay)
+        moved = later.arrivals(route.path) - route.times
+        if not np.isfinite(moved).all():
             return None
-        early, late = later.early_and_late(passed)
-        begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
-        if not any(areas[at].is_shut(begin[near], end[near]).any() for at, near in met):
+        for area, first, last in passages:
+            early, _ = later.early_and_late(first + np.interp(first, route.times, moved))
+            _, late = later.early_and_late(last + np.interp(last, route.times, moved))
+            if area.is_shut(early, late + voyage.vessel.turn_period).any():
+                break
+        else:
             return float(delay)
     return None
 
@@ -208,6 +253,17 @@ def shut_on_the_way(
     return frozenset() if way is None else way.passing(request.areas, planner.problem.voyage)
 
 
+def is_hindered(request: Request) -> bool:
+    """Whether the best route, as if all areas were open, meets one of them while it is shut."""
+    if "hindered" not in request.planners:
+        planner = planner_of(request)
+        check_current_at_endpoints(planner.problem.voyage)
+        routes = plan_classes(planner, 1).routes if request.areas else ()
+        met = bool(routes) and bool(meetings(routes[0], request.areas, planner))
+        request.planners["hindered"] = met
+    return bool(request.planners["hindered"])
+
+
 def _plan_past_weather(request: Request) -> Plan | None:
     """Return a plan past wind and waves over a limit, without a wait; None if none is found so.
 
@@ -217,19 +273,31 @@ def _plan_past_weather(request: Request) -> Plan | None:
     if not any(isinstance(area, OverLimit) for area in request.areas):
         return None
     planner = planner_of(request)
-    check_current_at_endpoints(planner.problem.voyage)
+    if is_hindered(request):
+        way = clock_way(planner, request.areas, 0.0)
+        beside = None if way is None else plan_beside(request, way, np.zeros(1))
+        if beside is not None:
+            return _with_other_classes(beside, request)
     plan = plan_classes(planner, planner.options.classes)
-    if not plan.routes:
-        return None
     kept, met = without_meeting(plan, request.areas, planner)
-    if not met:
-        return kept
-    way = clock_way(planner, request.areas, 0.0)
-    beside = None if way is None else plan_beside(request, way, np.zeros(1))
-    if not kept.routes or (beside is not None and beside.best.fuel < kept.best.fuel):
-        return beside
-    cheaper = (area for area in request.areas if met.get(area, math.inf) < kept.best.fuel)
-    return replace(kept, shut=tuple(cheaper))
+    if kept.routes:
+        cheaper = (area for area in request.areas if met.get(area, math.inf) < kept.best.fuel)
+        return replace(kept, shut=tuple(cheaper))
+    if met:
+        raise unavoidable(tuple(met), request.departure, None)
+    return None
+
+
+def _with_other_classes(beside: Plan, request: Request) -> Plan:
+    """Return a plan with the routes of all classes around the areas that are closed in it."""
+    closed, each = frozenset(beside.shut), dict[str, Route]()
+    planner = planner_of(request, closed)
+    others = [area for area in request.areas if area not in closed]
+    kept, _ = without_meeting(plan_classes(planner, planner.options.classes), others, planner)
+    best = replace(beside.best, fuel_bound=(kept if kept.routes else beside).best.fuel_bound)
+    for route in sorted((best, *kept.routes), key=lambda one: one.fuel):
+        each.setdefault(route.homotopy, route)
+    return replace(kept, routes=tuple(each.values()), chosen=0, shut=beside.shut)
 
 
 # Largest number of plans beside a way: each closes what the one before met, or what is shut beside
@@ -270,7 +338,7 @@ def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | N
         tried.add(closed)
         try:
             planner = planner_of(request, closed)
-            plan = plan_classes(planner, planner.options.classes)
+            plan = plan_classes(planner, 1)
         except PlanningError:
             break
         if not plan.routes:
@@ -281,7 +349,7 @@ def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | N
         if later is not None and later > 0 and plan.best.times[-1] + later < latest:
             leaving = planner.problem.leaving(planner.problem.voyage.departure + later)
             at = planner.for_problem(leaving)
-            delayed, _ = without_meeting(plan_classes(at, planner.options.classes), others, at)
+            delayed, _ = without_meeting(plan_classes(at, 1), others, at)
             best = _earlier(best, delayed, closed, request)
         kept, met = without_meeting(plan, others, planner)
         best = _earlier(best, kept, closed, request)
@@ -381,9 +449,6 @@ def unavoidable(
 
     The error gives the areas' hours from a departure (s) on.
     """
-    # Many areas of a chart share a name and a needed height of tide.
-    each = {str(text): text for text in (area.text(departure) for area in closed)}
-    texts = list(each.values())[:_MOST_NAMED]
     # Of the reasons of many classes one is enough; an end inside an area is told with the area.
     causes = failure.causes if isinstance(failure, UnreachableError) else ()
     around = Text("")
@@ -394,9 +459,16 @@ def unavoidable(
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
         f"{otherwise}",
-        Text.joined("; ", texts),
+        _named(closed, departure),
         around,
     )
+
+
+def _named(areas: Sequence[Opening], departure: float) -> Text:
+    """Name the first of some areas with their hours from a departure (s) on."""
+    # Many areas of a chart share a name and a needed height of tide.
+    each = {str(text): text for text in (area.text(departure) for area in areas)}
+    return Text.joined("; ", list(each.values())[:_MOST_NAMED])
 
 
 def with_least_water(plan: Plan, request: Request) -> Plan:

@@ -47,6 +47,7 @@ from renew.errors import (
     CurrentTooStrongError,
     Moment,
     PlanningError,
+    ShutStartError,
     Text,
     TooLateError,
     UnreachableError,
@@ -56,6 +57,7 @@ from renew.planner.classes import ClassSearch, no_class_error
 from renew.planner.fit import as_drawn
 from renew.planner.one_class import ClassPath, ClassPlanner, fuel_estimate
 from renew.planner.plan import (
+    check_start_open,
     meetings,
     planner_of,
     shut_on_the_way,
@@ -129,6 +131,10 @@ def sailing_at(request: Request, departure: float) -> Sailing:
     """
     closed: frozenset[Opening] = frozenset()
     first: Sailing | None = None
+    try:
+        check_start_open(request, departure)
+    except ShutStartError as error:
+        return Sailing(departure, planner_of(request), None, error)
     while True:
         try:
             planner = planner_of(request, closed)

@@ -45,7 +45,7 @@ from renew.inputs.current import (
     VaryingCurrent,
     as_field,
 )
-from renew.inputs.openings import ShutArea
+from renew.inputs.openings import OverLimit, ShutArea
 from renew.inputs.options import Changes, PlanOptions, ViaPoints, check_objects
 from renew.kernels.current_table import are_same, same_axes
 from renew.planner.plan import finished, plan_request, planner_of
@@ -472,8 +472,8 @@ def plan_ensemble(
     sure : float
         Share of a bootstrap's differences that must lie on one side for a class to count as dearer.
     avoid : sequence of ShutArea
-        Areas that are always shut. Areas shut for some hours are refused, as are tides and chosen
-        speeds: members pass at times of their own.
+        Areas that are always shut, and water over a limit, which is kept in the mean current. Other
+        hours are refused, as are tides and chosen speeds: members pass at times of their own.
 
     Returns
     -------
@@ -535,7 +535,7 @@ def _check(members: Members, choose: Statistic, sure: object, avoid: Sequence[Sh
     if not (is_finite(sure) and 0 < sure < 1):
         raise ParameterError(f"sure = {shown(sure)} must lie between 0 and 1, as in 0.9")
     for at, area in enumerate(avoid):
-        if not area.is_always_shut:
+        if not (area.is_always_shut or isinstance(area, OverLimit)):
             raise ParameterError(
                 f"avoid[{at}] is shut for some hours only, and each member passes at hours of its "
                 "own; give areas that are always shut"

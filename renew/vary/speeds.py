@@ -46,7 +46,7 @@ from renew.paths.speed_profile import (
 from renew.planner.classes import ClassSearch, no_class_error, plan_classes
 from renew.planner.grow import Shortfalls, steered_with_room
 from renew.planner.one_class import ClassPath, ClassPlanner, grown_until_clear
-from renew.planner.plan import plan_around, planner_of
+from renew.planner.plan import check_start_open, plan_around, planner_of
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request
 from renew.results import Departures, Plan, Route, TradeOff
@@ -259,6 +259,7 @@ def plan_with_speeds(request: Request, departure: float) -> Plan:
 
         return _plan_up_to(planner_up_to), planner_up_to(None)
 
+    check_start_open(request, departure)
     plan_found = plan_around(request.areas, plan)
     return replace(plan_found, trade_off=None) if request.areas else plan_found
 

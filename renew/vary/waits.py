@@ -6,20 +6,21 @@ has classes, padding, turns and hours of its own. The roadmap's way is a little 
 that is planned, which would come too early: the wait lasts until the path itself meets no shut
 water.
 
-A vessel waits as early as it can, unless that makes it later. At the start, as in a harbour, it
-burns nothing. Elsewhere it holds its place in the current c, which takes the fuel of a speed of
-|c|; at anchor it would take nothing.
+Of the places at which it may wait a vessel takes the cheapest, and waits as early as it can, unless
+that makes it later. At the start, as in a harbour, it burns nothing; in an anchorage what it burns
+at rest. Elsewhere it holds its place in the current c, which takes the fuel of a speed of |c|.
 """
 
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
-from renew.errors import PlanningError, UnreachableError
 from renew.planner.clock_way import TimedWay, clock_way, waiting_early
-from renew.planner.plan import plan_beside, plan_request, planner_of
+from renew.planner.plan import check_start_open, is_hindered, plan_beside, plan_request, planner_of
 from renew.request import Request
 from renew.results import Plan
 
@@ -35,12 +36,13 @@ _SAMPLES = 49
 
 @dataclass(frozen=True, eq=False)
 class Wait:
-    """A wait at a `place` (2,), m, from `begin` until `end` (s); it burns `fuel`."""
+    """A wait at a `place` (2,), m, from `begin` until `end` (s), which burns `fuel`."""
 
     place: FloatArray
     begin: float
     end: float
     fuel: float = 0.0
+    at_anchor: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,13 @@ class WaitingPlan:
         return sum(one.best.fuel for one in self.parts) + sum(one.fuel for one in self.waits)
 
 
-def plan_waiting(request: Request, longest: float, *, tick: float = 10.0) -> WaitingPlan:
+def plan_waiting(
+    request: Request,
+    longest: float,
+    *,
+    tick: float = 10.0,
+    anchorage: BaseGeometry | None = None,
+) -> WaitingPlan:
     """Plan with waits of up to `longest` (s) each, where they let the vessel arrive earlier.
 
     Parameters
@@ -78,44 +86,39 @@ def plan_waiting(request: Request, longest: float, *, tick: float = 10.0) -> Wai
         Longest wait (s).
     tick : float
         Times at which waits end are whole multiples of this (s), as no vessel leaves to the second.
+    anchorage : BaseGeometry, optional
+        Water (m) in which the vessel can anchor, however strong the current is.
 
     Raises
     ------
     PlanningError
         That of the plan without a wait, if waiting leads to no way either.
     """
-    failure: PlanningError | None = None
-    plain: WaitingPlan | None = None
-    try:
-        plain = WaitingPlan((plan_request(request),), ())
-    except UnreachableError as error:
-        failure = error
-    if plain is not None and not plain.parts[0].shut:
-        return plain
-    way = clock_way(planner_of(request), request.areas, longest)
-    found: WaitingPlan | None = None
+    check_start_open(request, request.departure, longest)
+    found, way, planner = None, None, planner_of(request)
+    if is_hindered(request):
+        way = clock_way(planner, request.areas, longest, anchorage)
     if way is not None:
-        found = _along(request, waiting_early(way, planner_of(request).problem.voyage), tick)
+        early = waiting_early(way, planner.problem.voyage)
+        found = _along(request, early, tick, anchorage)
         if found is None or found.arrival > way.arrive[-1] + _WORTH:
             # Waits in more places keep closer to the hours of the way.
-            other = _along(request, way, tick)
+            other = _along(request, way, tick, anchorage)
             if other is not None and (found is None or other.arrival < found.arrival - _WORTH):
                 found = other
-    if found is None or (plain is not None and plain.arrival <= found.arrival):
-        if plain is None and failure is not None:
-            raise failure
-        found = plain
-    assert found is not None  # noqa: S101 - one of the two is there
-    return found
+    return found if found and found.waits else WaitingPlan((plan_request(request),), ())
 
 
-def _along(request: Request, way: TimedWay, tick: float) -> WaitingPlan | None:
+def _along(
+    request: Request, way: TimedWay, tick: float, anchorage: BaseGeometry | None
+) -> WaitingPlan | None:
     """Plan the parts of a way between its waits; None where one of them has no plan."""
     parts, waits = list[Plan](), list[Wait]()
     at, now = 0, request.departure
     stops = [int(one) for one in way.waits if one > 0][: _MOST_PARTS - 1]
     for last in [*stops, len(way.points) - 1]:
-        passed = [via for via in request.stops[1:-1] if _is_passed(via, way.points[at + 1 : last])]
+        between = way.points[at + 1 : last]
+        passed = [via for via in request.stops[1:-1] if (between == via).all(axis=1).any()]
         asked = replace(request, stops=np.stack([way.points[at], *passed, way.points[last]]))
         leave = max(now, float(way.leave[at]))
         if leave > request.departure:
@@ -125,25 +128,18 @@ def _along(request: Request, way: TimedWay, tick: float) -> WaitingPlan | None:
             return None
         leave = float(plan.best.times[0])
         if leave > now + tick:
-            waits.append(_wait(request, way.points[at], (now, leave), is_on_way=at > 0))
+            anchored = anchorage is not None and shapely.intersects_xy(anchorage, *way.points[at])
+            wait = Wait(way.points[at], now, leave, at_anchor=at > 0 and bool(anchored))
+            waits.append(_with_fuel(request, wait) if at > 0 else wait)
         parts.append(plan)
         at, now = last, float(plan.best.times[-1])
     return WaitingPlan(tuple(parts), tuple(waits))
 
 
-def _is_passed(point: FloatArray, points: FloatArray) -> bool:
-    """Whether a point (2,) is one of some (n, 2)."""
-    return bool((points == point).all(axis=1).any())
-
-
-def _wait(
-    request: Request, place: FloatArray, hours: tuple[float, float], *, is_on_way: bool
-) -> Wait:
-    """Return a wait between two times (s), with its fuel where the vessel holds its place."""
-    vessel, (begin, end) = request.vessel, hours
-    if not is_on_way:
-        return Wait(place, begin, end)
-    times = np.linspace(begin, end, _SAMPLES)
-    points = np.broadcast_to(place, (_SAMPLES, 2))
+def _with_fuel(request: Request, wait: Wait) -> Wait:
+    """Return a wait on the way with its fuel: the vessel lies at anchor, or holds its place."""
+    times = np.linspace(wait.begin, wait.end, _SAMPLES)
+    points = np.broadcast_to(wait.place, (_SAMPLES, 2))
     strength = np.linalg.norm(request.current.velocity(points, times), axis=-1)
-    return Wait(place, begin, end, float(vessel.rates(strength).mean()) * (end - begin))
+    rates = request.vessel.rates(0.0 * strength if wait.at_anchor else strength)
+    return replace(wait, fuel=float(rates.mean()) * (wait.end - wait.begin))

@@ -32,12 +32,12 @@ FILES = sorted(
         "report.html",
         "routes.gpkg",
         "scenario.toml",
+        "small-run-summer-all.gpx",  # in winter a third route would be dear
     ]
     + [
         f"small-run-{season}{ending}"
         for season in ("summer", "winter")
         for ending in (
-            "-all.gpx",
             "-currents.grb",
             "-currents.nc",
             ".geojson",

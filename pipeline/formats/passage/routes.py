@@ -243,21 +243,13 @@ _MILE_DIGITS = 5
 
 
 VERSIONS = {
-    "1.0": {
-        "namespace": "http://www.cirm.org/RTZ/1/0",
-        "schedule_element": "sheduleElement",
-        "wraps_extensions": False,
-    },
-    "1.1": {
-        "namespace": "http://www.cirm.org/RTZ/1/1",
-        "schedule_element": "scheduleElement",
-        "wraps_extensions": True,
-    },
-    "1.2": {
-        "namespace": "http://www.cirm.org/RTZ/1/2",
-        "schedule_element": "scheduleElement",
-        "wraps_extensions": True,
-    },
+    number: {
+        "namespace": f"http://www.cirm.org/RTZ/{number.replace('.', '/')}",
+        # The schema of version 1.0 spells it so.
+        "schedule_element": "sheduleElement" if number == "1.0" else "scheduleElement",
+        "wraps_extensions": number != "1.0",
+    }
+    for number in ("1.0", "1.1", "1.2")
 }
 """The versions that can be written: number -> what differs."""
 

@@ -412,6 +412,10 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
     projection = ranked.case.run.water.projection
     whole = lattice.to_steps(projection.to_plane(profile.lonlat))
     turns, hits = _turns(ranked)
+    weather = dict.fromkeys(("waves", "wind"), np.full(len(profile.time_s), np.inf))
+    weather |= {
+        one.name: one.at(profile.lonlat, profile.time_s) for one in ranked.case.case.weather
+    }
     size, unit = fuel_unit(ranked.metrics.fuel, ranked.metrics)
     return {
         "rank": ranked.rank,
@@ -427,6 +431,8 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
         "speed": series(profile.speed_m_s),
         "current": series(profile.current_along_m_s),
         "clearance": series(profile.clearance_m),
+        "waves": series(weather["waves"]),
+        "wind": series(weather["wind"]),
         "turns": lattice.line(turns),
         "hits": lattice.line(hits),
         "marked": [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,14 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import adrift_notes, weather_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import CurrentGrid
 from pipeline.model.inputs import Credit
 from pipeline.run import Outcome, run
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.loading import parse_scenario
-from pipeline.stages.limits import limited_fields, over_limits
+from pipeline.stages.limits import limited_fields, over_limits, worst_met
 from tests.pipeline.sources.cf.grib_files import write_grib
 from tests.pipeline.stages.test_avoided_areas import ISLAND
 
@@ -78,6 +80,9 @@ def test_a_vessel_waits_at_its_start_until_the_waves_are_low_enough(tmp_path: Pa
         row = next(csv.DictReader(file))
     assert float(row["worst_wave_m"]) <= 1.2
     assert float(row["wave_headroom_m"]) == pytest.approx(1.2 - float(row["worst_wave_m"]))
+    (worst,) = note_texts(weather_notes(outcome.result.routes[0]))
+    assert worst.startswith("waves of up to 0.50 m on the best route, at ")
+    assert re.search(r", 2026-11-22 .* UTC: 0\.70 m below the limit$", worst)
     text = " ".join(note_texts(outcome.result.choices))
     assert "the vessel waits at" in text
     assert "until water ahead opens" in text
@@ -88,6 +93,16 @@ def test_a_vessel_waits_at_its_start_until_the_waves_are_low_enough(tmp_path: Pa
     shut = geopandas.read_file(outcome.directory / "routes.gpkg", layer="over_limit")
     assert (shut.worst == 2.1).all()
     assert (shut.shut_until == "2026-11-22T10:00Z").any()
+
+
+def test_a_new_forecast_and_another_limit_are_planned_anew(tmp_path: Path) -> None:
+    limits = {"waves": ["waves.nc"], "wave_m": 1.2, "wait": "12h"}
+    departures = []
+    for worst, most in ((1.0, 1.2), (2.1, 1.2), (2.1, 2.5)):
+        waves(worst=worst).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
+        outcome = ran(tmp_path, {**limits, "wave_m": most})
+        departures.append(outcome.result.routes[0].metrics.worst_wave_m)
+    assert departures == pytest.approx([1.0, 0.5, 2.1], abs=0.3)
 
 
 def test_without_a_wait_the_reason_has_the_hours_and_the_height(tmp_path: Path) -> None:
@@ -109,6 +124,57 @@ def test_a_limit_that_is_never_reached_gives_the_plan_without_it(tmp_path: Path)
         np.testing.assert_array_equal(one.route.trajectory, other.route.trajectory)
         assert one.route.fuel == other.route.fuel
         assert one.route.fuel_bound.value == other.route.fuel_bound.value
+
+
+def test_a_vessel_adrift_is_carried_by_the_wind_too(tmp_path: Path) -> None:
+    """In still water a wind of 10 m/s from the west carries it 0.3 m/s east."""
+    shape = HOURS.size, LAT.size, LON.size
+    names = {"u10": ("eastward_wind", 10.0), "v10": ("northward_wind", 0.0)}
+    data = {
+        name: (
+            ("time", "latitude", "longitude"),
+            np.full(shape, speed),
+            {"units": "m s-1", "standard_name": standard},
+        )
+        for name, (standard, speed) in names.items()
+    }
+    wind = xr.Dataset(data, waves(worst=1.0).coords)
+    wind.to_netcdf(tmp_path / "wind.nc", engine="netcdf4")
+    (case,) = ran(tmp_path, {"wind": ["wind.nc"], "leeway": 0.03}).result.cases
+    found, land = case.measures.adrift[0], shapely.union_all(case.case.water.land)
+    rays = shapely.linestrings(
+        np.stack([found.points, np.add(found.points, [40_000.0, 0.0])], axis=1)
+    )
+    met = shapely.intersects(rays, land)
+    assert met.any()
+    expected = shapely.distance(shapely.points(found.points), shapely.intersection(rays, land))
+    known = met & (expected / 0.3 < 9 * 3600.0)
+    assert known.sum() > 20
+    assert np.median(np.abs(0.3 * found.seconds[known] / expected[known] - 1)) < 0.01
+    (note,) = note_texts(adrift_notes(case.routes[0]))
+    assert note.startswith("without thrust the current and the wind carry the vessel ashore in")
+
+
+def test_with_members_the_share_that_exceeds_a_limit_is_told(tmp_path: Path) -> None:
+    """Waves that rise when half of the members' vessels have arrived."""
+    waves(worst=1.0).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
+    season = {"name": "still", "currents": ["still"], "departure": DEPARTURE}
+    seasons = [{**season, "members": {"spread": 0.3}}]
+    outcome = ran(tmp_path, {"waves": ["waves.nc"], "wave_m": 1.2}, seasons=seasons)
+    ranked = outcome.result.routes[0]
+    assert ranked.metrics.members_over_limit_share == 0.0
+    case, (field,) = ranked.case.case, ranked.case.case.weather
+    assert case.members is not None
+    ends = [
+        renew.fuel(ranked.route.path, one, case.vessel, chart=case.chart) / case.vessel.fuel_rate
+        for one in case.members.currents
+    ]
+    rises = float(np.median(ends))
+    times, shape = np.array([0.0, rises - 0.1, rises + 0.1, 1e5]), field.values.shape[1:]
+    values = np.array([0.0, 0.0, 2.4, 2.4])[:, None, None] * np.ones(shape)
+    case = replace(case, weather=(replace(field, times_s=times, values=values),))
+    share = worst_met(case, ranked.route, "projected")["members_over_limit_share"]
+    assert share == pytest.approx(np.mean(np.array(ends) > rises))
 
 
 def test_grib_and_netcdf_give_the_same_areas(tmp_path: Path) -> None:

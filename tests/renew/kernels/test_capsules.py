@@ -16,6 +16,7 @@ from renew.kernels.capsules import (
     Segment,
     capsule_interval,
     capsules_near,
+    distances_within,
     leg_is_clear,
     legs_are_clear,
     segment_distance,
@@ -123,6 +124,20 @@ def in_kernel(angle: float) -> float:
 
 
 COMPILED: Any = numba.njit(in_kernel)
+
+
+@settings(max_examples=20)
+@given(seed=seeds, reach=st.sampled_from([0.5, 3.0, math.inf]))
+def test_distances_within_reach_match_shapely(seed: int, reach: float) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0, 30, (100, 2)).cumsum(axis=0) % 30
+    start = rng.uniform(0, 30, (12, 2))
+    end = start + rng.normal(0, 2, (12, 2)) * rng.choice([0.0, 1.0], (12, 1))
+    edges = shapely.linestrings(np.stack([start, end], axis=1))
+    expected = shapely.distance(shapely.points(points)[:, None], edges).min(axis=1)
+    expected[expected > reach] = math.inf
+    assert distances_within(points, reach, start, end) == pytest.approx(expected)
+    assert uncompiled(distances_within)(points, reach, start, end) == pytest.approx(expected)
 
 
 @given(st.floats(-1e3, 1e3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 
@@ -11,11 +12,20 @@ import shapely
 from shapely import box
 
 import renew
+from renew._types import FloatArray
+from renew.inputs.current import CurrentLike
 from renew.inputs.openings import OverLimit
-from renew.planner.plan import plan_request
+from renew.planner.plan import plan_request, planner_of
 from renew.request import Request
 from renew.vary.waits import WaitingPlan, plan_waiting
-from tests.stormy_waters import LATENESS, LIMIT, VESSEL, StormyScene, stormy_scene
+from tests.stormy_waters import (
+    LATENESS,
+    LIMIT,
+    VESSEL,
+    StormyScene,
+    moving_storms,
+    stormy_scene,
+)
 from tests.strategies import PAPER_VESSEL, Scene
 from tests.tidal_waters import positions
 
@@ -53,6 +63,33 @@ def test_in_moving_storms_the_arrival_is_that_of_an_oracle(seed: int) -> None:
     assert over == 0
 
 
+def check_bound(seed: int, spacing: float, radius: int) -> None:
+    """Check a moving scene's bound: shut water and waits make no vessel earlier than it says."""
+    scene = moving_storms(seed)
+    bound = planner_of(scene.request()).problem.fuel_bound.value
+    earliest = scene.oracle(spacing=spacing, radius=radius)
+    assert bound <= VESSEL.fuel_rate * (earliest - scene.departure)
+    with contextlib.suppress(renew.PlanningError):
+        found = plan_waiting(scene.request(), LONGEST)
+        # What is shut is no land to the bound: a vessel may pass it at other hours.
+        first, *others = (part.best for part in found.parts)
+        if not others and first.times[0] == scene.departure:
+            assert first.fuel_bound.value == bound
+        assert all(one.fuel_bound.value <= one.fuel for one in (first, *others))
+        assert bound <= VESSEL.fuel_rate * (found.arrival - scene.departure)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_bound_is_above_an_oracle_that_waits(seed: int) -> None:
+    check_bound(seed, 2_000.0, 4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(200))
+def test_no_bound_of_200_moving_scenes_is_above_an_oracle_that_waits(seed: int) -> None:
+    check_bound(seed, 1_500.0, 4)
+
+
 def test_a_way_around_or_behind_a_storm_is_found_without_a_wait() -> None:
     scene = stormy_scene(6)
     plan = plan_request(scene.request())
@@ -68,7 +105,12 @@ def gate(begin: float, end: float, at: float) -> OverLimit:
     return OverLimit(box(at, -1, at + 10, 61), begin, end, "waves", 2.0, "m")
 
 
-def waiting(*gates: OverLimit, current: renew.CurrentField | None = None) -> WaitingPlan:
+def waiting(
+    *gates: OverLimit,
+    current: CurrentLike | None = None,
+    longest: float = LONGEST,
+    anchorage: shapely.Polygon | None = None,
+) -> WaitingPlan:
     request = Request.of(
         CHART,
         renew.UniformCurrent(0.0, 0.0) if current is None else current,
@@ -77,7 +119,7 @@ def waiting(*gates: OverLimit, current: renew.CurrentField | None = None) -> Wai
         avoid=gates,
         changes={"classes": 2, "lateness": 0.0},
     )
-    return plan_waiting(request, LONGEST, tick=1.0)
+    return plan_waiting(request, longest, tick=1.0, anchorage=anchorage)
 
 
 def test_a_gate_is_waited_for_at_the_start() -> None:
@@ -136,3 +178,40 @@ def test_an_unreached_limit_leaves_the_plan_as_it_is() -> None:
     for one, other in zip(found.parts[0].routes, plain.routes, strict=True):
         np.testing.assert_array_equal(one.trajectory, other.trajectory)
         assert one.fuel_bound.value == other.fuel_bound.value
+
+
+@pytest.mark.parametrize("longest", [0.0, 1_000.0])
+def test_a_start_that_stays_shut_is_refused_without_a_search(
+    longest: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The hours of two spells that follow each other count together."""
+    monkeypatch.setattr("renew.planner.plan.plan_classes", None)
+    monkeypatch.setattr("renew.vary.waits.clock_way", None)
+    first, then = gate(-100.0, 1_100.0, 15.0), gate(1_100.0, 1_800.0, 15.0)
+    told = r"the start \(20, 30\) m lies in water with waves of up to 2\.0 m from .* until 1100 s; "
+    with pytest.raises(renew.UnreachableError, match=told + r".*Depart after 1800 s, or let the"):
+        waiting(first, then, longest=longest)
+    with pytest.raises(renew.UnreachableError, match=r"start .* It does not open again: move it"):
+        waiting(gate(-100.0, math.inf, 15.0), longest=longest)
+
+
+def test_a_start_that_opens_within_the_wait_is_left_then() -> None:
+    found = waiting(gate(-100.0, 900.0, 15.0))
+    assert found.parts[0].best.times[0] == pytest.approx(900.0, abs=20.0)
+
+
+def test_it_waits_where_that_takes_least_fuel_at_anchor_at_best() -> None:
+    """Between two gates the current falls to the east; an anchorage is cheaper still."""
+    gates = gate(60.0, 2_000.0, 50.0), gate(0.0, 1_000.0, 150.0)
+
+    def flow(points: FloatArray) -> FloatArray:
+        return np.stack([0.5 - points[..., 0] / 400.0, np.zeros(points.shape[:-1])], axis=-1)
+
+    (held,) = waiting(*gates, current=flow).waits
+    assert 95.0 < held.place[0] < 150.0
+    assert not held.at_anchor
+    anchorage = box(85.0, 0.0, 100.0, 60.0)
+    (anchored,) = waiting(*gates, current=flow, anchorage=anchorage).waits
+    assert shapely.intersects_xy(anchorage, *anchored.place)
+    assert anchored.at_anchor
+    assert anchored.fuel == 0.0 < held.fuel

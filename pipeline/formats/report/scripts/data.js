@@ -86,6 +86,8 @@ function stateAt(route, share) {
     distance: between(route.distance, at),
     fuel: between(route.fuel, at),
     clearance: between(route.clearance, at),
+    waves: between(route.waves, at),
+    wind: between(route.wind, at),
     current: between(route.current, at),
     course: route.course[here],
     speed: route.speed[here],

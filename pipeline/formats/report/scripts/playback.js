@@ -53,6 +53,8 @@ class Playback {
       speed: formatSpeed(now.speed),
       current: formatCurrent(now.current),
       clearance: formatClearance(now.clearance),
+      waves: now.waves === null ? "" : `${now.waves.toFixed(1)} m`,
+      wind: now.wind === null ? "" : formatSpeed(now.wind),
       fuel: `${formatNumber(now.fuel)} ${this.route.fuelUnit}`,
       distance: formatDistance(now.distance),
     };

@@ -34,7 +34,7 @@ class Strip {
   draw({ name, range, zero, curve }, { time, fuelUnit }, series) {
     const { width, height, pad } = STRIP;
     const [low, high] = [Math.min(...series), Math.max(...series)];
-    // The axis of fuel and clearance begins at 0; that of the current includes 0.
+    // All axes but that of the speed begin at 0; that of the current includes 0.
     const bottom = Math.min(low, name === "speed" ? low : 0);
     const top = Math.max(high, name === "current" ? 0 : high);
     const y = (value) => height - pad - ((value - bottom) / (top - bottom || 1)) * (height - 2 * pad);
@@ -42,7 +42,8 @@ class Strip {
     curve.setAttribute("d", series.map((value, i) => `${i ? "L" : "M"}${x(time[i]).toFixed(1)} ${y(value).toFixed(1)}`).join(""));
     zero.setAttribute("d", name === "current" ? `M0 ${y(0).toFixed(1)}H${width}` : "");
     const fuel = (value) => `${formatNumber(value)} ${fuelUnit}`;
-    const format = name === "clearance" ? formatClearance : name === "fuel" ? fuel : formatSpeed;
+    const waves = (value) => `${value.toFixed(1)} m`;
+    const format = { clearance: formatClearance, fuel, waves }[name] || formatSpeed;
     range.textContent = `${format(low)} to ${format(high)}`;
   }
 

@@ -21,6 +21,7 @@ PARAMETERS: dict[str, dict[int, tuple[int, ...]]] = {
     "spc": {1: (48,), 2: (10, 1, 1)},
     "swh": {1: (100,), 2: (10, 0, 3)},
     "gust": {1: (180,), 2: (0, 2, 22)},
+    "pp1d": {1: (108,), 2: (10, 0, 34)},
 }
 _KEYS = {
     1: ("indicatorOfParameter",),

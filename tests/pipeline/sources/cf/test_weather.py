@@ -14,7 +14,7 @@ from pipeline.errors import RequestError
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
-from pipeline.sources.quantities import CURRENT, GUST, WAVES, WIND, Quantity
+from pipeline.sources.quantities import CURRENT, GUST, PERIOD, WAVES, WIND, Quantity
 from tests.pipeline.sources.cf.grib_files import message, write_grib
 
 REGION = shapely.box(-71.2, 42.2, -70.6, 42.6)
@@ -34,6 +34,10 @@ NAMES: dict[str, tuple[Quantity, dict[str, str]]] = {
     "wind": (WIND, {"u10": "eastward_wind", "v10": "northward_wind"}),
     "gust": (GUST, {"gust": "wind_speed_of_gust"}),
     "waves": (WAVES, {"swh": "sea_surface_wave_significant_height"}),
+    "period": (
+        PERIOD,
+        {"pp1d": "sea_surface_wave_period_at_variance_spectral_density_maximum"},
+    ),
 }
 ROWS = pytest.mark.parametrize("row", NAMES)
 
