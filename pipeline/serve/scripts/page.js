@@ -257,8 +257,7 @@ class Desk {
   }
 
   say(text) {
-    if (text === this.spoken && find("#status").textContent === text) return;
-    find("#status").textContent = text;
+    if (find("#status").textContent !== text) find("#status").textContent = text;
     if (!this.chart.corners) this.spoken = text;
   }
 
@@ -289,14 +288,9 @@ class Desk {
   }
 
   async copy() {
-    const command = find("#command");
-    command.select();
-    try {
-      await navigator.clipboard.writeText(command.value);
-      this.say("The command is copied.");
-    } catch {
-      this.say("Press Ctrl and C: the command is selected.");
-    }
+    find("#command").select();
+    const isCopied = await navigator.clipboard.writeText(find("#command").value).then(() => true, () => false);
+    this.say(isCopied ? "The command is copied." : "Press Ctrl and C: the command is selected.");
   }
 }
 

@@ -14,9 +14,12 @@ const MAX_ARROW_SPACING = 4 * ARROW_SPACING;
 const CANVAS_MARGIN = 0.2;
 
 /** Index of the class of a speed (m/s); speeds above the last limit are in the last. */
-function speedClass(speed, limits) {
-  const index = limits.findIndex((limit) => speed <= limit);
-  return index < 0 ? limits.length - 1 : index;
+const speedClass = (speed, limits) => (limits.findIndex((limit) => speed <= limit) + limits.length) % limits.length;
+
+/** Add a ring of points [x, y] to a path. */
+function addRing(path, points) {
+  points.forEach(([x, y], i) => path[i ? "lineTo" : "moveTo"](x, y));
+  path.closePath();
 }
 
 /** What shows a current on a canvas of its own; `pane` is the canvas's. */
@@ -117,14 +120,7 @@ const CurrentArrows = CurrentLayer.extend({
 /** The chart's outline on a canvas whose upper left is at a layer point. */
 function chartOutline(map, chart, corner) {
   const outline = new Path2D();
-  for (const ring of chart) {
-    ring.forEach((place, i) => {
-      const { x, y } = map.latLngToLayerPoint(place).subtract(corner);
-      if (i === 0) outline.moveTo(x, y);
-      else outline.lineTo(x, y);
-    });
-    outline.closePath();
-  }
+  for (const ring of chart) addRing(outline, ring.map((place) => map.latLngToLayerPoint(place).subtract(corner)).map(({ x, y }) => [x, y]));
   return outline;
 }
 
@@ -164,11 +160,5 @@ function interpolatedCurrent({ columns, u, v }, row, column) {
 
 /** Add an arrow's outline to a path: centre, direction (unit vector, y up) and length in pixels. */
 function addArrow(path, x, y, cosine, sine, length) {
-  ARROW.forEach(([along, across], i) => {
-    const px = x + length * (along * cosine - across * sine);
-    const py = y - length * (along * sine + across * cosine);
-    if (i === 0) path.moveTo(px, py);
-    else path.lineTo(px, py);
-  });
-  path.closePath();
+  addRing(path, ARROW.map(([along, across]) => [x + length * (along * cosine - across * sine), y - length * (along * sine + across * cosine)]));
 }

@@ -36,9 +36,7 @@ function element(tag, className, text = "") {
 }
 
 /** The place of a route that is closest to land; null if there is none. */
-function closestPlace({ clearance, places }) {
-  return clearance && places[clearance.indexOf(Math.min(...clearance))];
-}
+const closestPlace = ({ clearance, places }) => clearance && places[clearance.indexOf(Math.min(...clearance))];
 
 /** A scale bar in nautical miles. */
 const NauticalScale = L.Control.Scale.extend({
@@ -277,10 +275,7 @@ class RouteMap {
     this.toggle(this.havens, Boolean(choice.layers.havens));
     if (season.havens && choice.selected === 0) this.showHavens(season.havens);
     this.toggle(this.turns, choice.layers.turns);
-    this.turns.clearLayers();
-    this.shores.clearLayers();
-    this.marked.clearLayers();
-    this.closest.clearLayers();
+    for (const layer of [this.turns, this.shores, this.marked, this.closest]) layer.clearLayers();
     if (route) this.showSafety(route);
     const accent = this.colour(this.role(choice.season, choice.selected));
     for (const marker of this.endMarkers) marker.setStyle({ color: accent });
@@ -288,8 +283,7 @@ class RouteMap {
   }
 
   toggle(layer, on) {
-    if (on) layer.addTo(this.map);
-    else layer.remove();
+    layer[on ? "addTo" : "remove"](this.map);
   }
 
   /** The selected route bold on a halo, the season's others thin, other seasons' best ones dashed; prices at the best of each side. */
@@ -303,7 +297,7 @@ class RouteMap {
         const mine = s === season;
         const on = mine ? shown(s, r) || r === selected : layers.others && r === 0;
         this.toggle(lines[r], on);
-        lines[r].setStyle(!mine ? ROUTE_OTHER_SEASON : this.isHovered(s, r) ? ROUTE_HOVERED : routes[r].isSide ? ROUTE_SIDE : ROUTE_UNSELECTED);
+        lines[r].setStyle(!mine ? ROUTE_OTHER_SEASON : String(this.hovered) === `${s},${r}` ? ROUTE_HOVERED : routes[r].isSide ? ROUTE_SIDE : ROUTE_UNSELECTED);
         // Better routes lie over worse ones, in whatever order they are switched on.
         if (on) lines[r].bringToFront();
         if (on && mine) cased.push(lines[r].getLatLngs());
@@ -318,10 +312,6 @@ class RouteMap {
     this.routes[season][selected].setStyle(ROUTE_SELECTED).bringToFront();
     // Under the pointer routes are drawn again, and what marks them stays above.
     this.marked.eachLayer((line) => line.bringToFront());
-  }
-
-  isHovered(season, index) {
-    return this.hovered !== null && this.hovered[0] === season && this.hovered[1] === index;
   }
 
   /** Write how much more fuel a route needs than the best, where it is far from the routes of other sides and from what is written. */

@@ -30,12 +30,8 @@ function northEast([lon, lat], [otherLon, otherLat]) {
 /** Rings of places with the box around each, for quick looks. */
 function boxedRings(rings) {
   return rings.map((ring) => {
-    let [west, south, east, north] = [Infinity, Infinity, -Infinity, -Infinity];
-    for (const { lat, lng } of ring) {
-      [west, east] = [Math.min(west, lng), Math.max(east, lng)];
-      [south, north] = [Math.min(south, lat), Math.max(north, lat)];
-    }
-    return { ring, west, south, east, north };
+    const box = L.latLngBounds(ring);
+    return { ring, west: box.getWest(), south: box.getSouth(), east: box.getEast(), north: box.getNorth() };
   });
 }
 
@@ -89,14 +85,9 @@ class Probe {
   /** Show what is at a place, in the next frame. */
   look({ lat, lng }) {
     if (!this.data) return;
-    const waiting = this.place !== null && this.pending;
     this.place = [lat, lng];
-    if (waiting) return;
-    this.pending = true;
-    requestAnimationFrame(() => {
-      this.pending = false;
-      if (this.place) this.show();
-    });
+    cancelAnimationFrame(this.pending);
+    this.pending = requestAnimationFrame(() => { if (this.place) this.show(); });
   }
 
   /** The pointer has left: show the map's middle while it has the keyboard's focus, else nothing. */

@@ -159,7 +159,7 @@ function planeMap(container) {
 function listenToWheel(map, container) {
   const hint = container.parentElement.querySelector(".wheel-hint");
   let hiding = 0;
-  const listen = (event) => {
+  container.addEventListener("wheel", (event) => {
     const zooms = event.ctrlKey || event.metaKey;
     map.scrollWheelZoom[zooms ? "enable" : "disable"]();
     // Before Leaflet listens, too, Ctrl and the wheel must not zoom or scroll the page.
@@ -167,8 +167,7 @@ function listenToWheel(map, container) {
     hint.hidden = zooms;
     clearTimeout(hiding);
     hiding = setTimeout(() => { hint.hidden = true; }, HINT_MS);
-  };
-  container.addEventListener("wheel", listen, { capture: true, passive: false });
+  }, { capture: true, passive: false });
 }
 
 /** Show the whole chart, and limit pan and zoom to it. */
@@ -180,12 +179,6 @@ function fit(map, { bounds, grid }) {
   const zoom = map.getZoom();
   map.setMinZoom(zoom - 0.5).setMaxZoom(Math.max(zoom, Math.min(zoom + ZOOM_RANGE, MAX_ZOOM)));
   map.setMaxBounds(bounds.pad(0.5));
-}
-
-/** Record that the map is drawn, and lay out the rest of the page. */
-function ready() {
-  document.documentElement.dataset.ready = Math.round(performance.now());
-  setTimeout(() => document.documentElement.classList.add("settled"));
 }
 
 /** Show the map of a report; there is none where this script is part of another page. */
@@ -200,7 +193,11 @@ function openReport(explorer) {
     shown.load(data);
     explorer.querySelector("#fit").addEventListener("click", () => fit(map, data));
     new UnitSwitch(explorer.querySelector("#nautical"), document.querySelector("main"), () => shown.changeUnits());
-    requestAnimationFrame(() => requestAnimationFrame(ready));
+    // When the map is drawn, the rest of the page is laid out.
+    requestAnimationFrame(() => requestAnimationFrame(() => {
+      document.documentElement.dataset.ready = Math.round(performance.now());
+      setTimeout(() => document.documentElement.classList.add("settled"));
+    }));
   } catch (error) {
     document.documentElement.classList.remove("live");
     throw error;

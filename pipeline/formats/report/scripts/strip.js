@@ -25,9 +25,8 @@ class Strip {
   /** Draw another route's series. */
   follow(route) {
     for (const plot of this.plots) {
-      const series = route && route[plot.name];
-      plot.holder.hidden = !series;
-      if (series) this.draw(plot, route, series);
+      plot.holder.hidden = !route?.[plot.name];
+      if (route?.[plot.name]) this.draw(plot, route, route[plot.name]);
     }
   }
 

@@ -19,17 +19,13 @@ function formatNumber(value, digits = 4) {
 
 /** A number to a fixed number of decimals. */
 function formatDecimals(value, decimals) {
-  const form = { minimumFractionDigits: decimals, maximumFractionDigits: decimals };
-  return value.toLocaleString("en", form).replace("-", "−");
+  return value.toLocaleString("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals }).replace("-", "−");
 }
 
 /** True metres: 712.1 km, 3.46 km, 820.4 m; or 384.5 NM, 1.87 NM, 0.44 NM, 82.0 m. */
 function formatDistance(metres) {
   if (metres === null || !Number.isFinite(metres)) return ABSENT;
-  if (units.nautical && metres >= MILES_FROM_M) {
-    const miles = metres / MILE_M;
-    return `${formatDecimals(miles, miles >= 10 ? 1 : 2)} NM`;
-  }
+  if (units.nautical && metres >= MILES_FROM_M) return `${formatDecimals(metres / MILE_M, metres >= 10 * MILE_M ? 1 : 2)} NM`;
   if (metres >= 100000) return `${formatDecimals(metres / 1000, 1)} km`;
   if (metres >= 1000) return `${formatDecimals(metres / 1000, 2)} km`;
   return `${formatNumber(metres, metres >= 100 ? 4 : 3)} m`;
@@ -52,9 +48,8 @@ function formatSpeed(speed, decimals = 2) {
 
 /** A duration in hours, minutes or seconds; the duration of the whole voyage decides the unit. */
 function formatTime(seconds, whole = seconds) {
-  if (whole >= 3600) return `${formatDecimals(seconds / 3600, 1)} h`;
-  if (whole >= 120) return `${formatDecimals(seconds / 60, 1)} min`;
-  return `${formatDecimals(seconds, 1)} s`;
+  const [unit, name] = whole >= 3600 ? [3600, "h"] : whole >= 120 ? [60, "min"] : [1, "s"];
+  return `${formatDecimals(seconds / unit, 1)} ${name}`;
 }
 
 /** Degrees and decimal minutes, as on charts: 10°30.2′ N. */
