@@ -20,6 +20,7 @@ import pyproj
 import pytest
 import shapely
 
+from pipeline.scenario.catalogue import names
 from pipeline.sources.current_field import Field
 from tests.bench.figure import recorded
 from tests.commands import ended, ran
@@ -104,6 +105,22 @@ def planned(home: dict[str, str], algorithm: str, **values: object) -> dict[str,
         return {"error": done.stderr}
     results: dict[str, Any] = json.loads(done.stdout)["results"]
     return results
+
+
+def test_the_dialog_has_lists_and_file_buttons(home: dict[str, str]) -> None:
+    """Months and members stand with the usual ones, the rest under the advanced ones."""
+    told = json.loads(ran(str(QGIS), "--json", "help", "renew:route", env=home))["parameters"]
+    kinds = {name: one["type"]["id"] for name, one in told.items()}
+    expected = {"VESSEL": "enum", "VESSEL_FILE": "file", "CURRENTS": "file", "DEPTHS": "file"}
+    expected |= {"SHUT": "source", "LAND": "source", "DEPART": "datetime", "START": "point"}
+    assert {name: kinds[name] for name in expected} == expected
+    assert set(told["VESSEL"]["available_options"].values()) == set(names("vessels"))
+    usual = {name for name, one in told.items() if not one["is_advanced"]}
+    assert {"MONTH", "MEMBERS", "CURRENTS", "VESSEL"} <= usual
+    assert "EXPLAIN_GAP" not in usual
+    checks = json.loads(ran(str(QGIS), "--json", "help", "renew:check", env=home))["parameters"]
+    assert {"FILE", "LINE", "DEPART"} <= set(checks)
+    assert not {"START", "GOAL", "VIA", "UNTIL", "HAVENS"} & set(checks)
 
 
 def test_a_scenario_is_planned_as_on_the_command_line(home: dict[str, str], tmp_path: Path) -> None:

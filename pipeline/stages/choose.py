@@ -371,19 +371,20 @@ def _narrows(water: Water, path: FloatArray, offing: float) -> Note | None:
         shapely.segmentize(shapely.LineString(path), _SPACING * offing)
     )
     middles = (places[1:] + places[:-1]) / 2
-    _, apart = shapely.STRtree(land).query_nearest(
-        shapely.points(middles), return_distance=True, all_matches=False
+    # Most of a long way is far from land: how far, takes time and tells nothing.
+    (closer, _), apart = shapely.STRtree(land).query_nearest(
+        shapely.points(middles), _CLOSER * offing, return_distance=True, all_matches=False
     )
-    closer, nearest, scale = apart < _CLOSER * offing, int(apart.argmin()), water.projection.scale
-    if not closer.any():
+    if not len(closer):
         return None
+    nearest, scale = int(apart.argmin()), water.projection.scale
     length = np.linalg.norm(np.diff(places, axis=0), axis=1)[closer].sum()
     return Note.of(
         "offing-yields",
         offing_m=offing * scale,
         length_m=float(length) * scale,
         least_m=float(apart[nearest]) * scale,
-        place=water.place(middles[nearest]),
+        place=water.place(middles[closer[nearest]]),
     )
 
 

@@ -126,7 +126,12 @@ def lakes_text(chart: ChartSpec) -> str:
 
 
 def _room(scenario: Scenario) -> float:
-    """Return the diameter of the fastest vessel's turning circle, planar metres."""
+    """Return the room that a way out needs, planar metres: none where less may be kept.
+
+    Elsewhere it is the diameter of the fastest vessel's turning circle.
+    """
+    if scenario.planner.shortfall == "least":
+        return 0.0
     return 2 * model.planner_vessel(scenario.fastest_vessel).turning_radius
 
 

@@ -240,8 +240,9 @@ def room_to_turn(path: FloatArray, problem: Problem, speeds: FloatArray) -> Room
     """
     voyage, edges = problem.voyage, problem.triangulation.constrained_edges
     along, share = free_shares(path, voyage.in_members, edges, problem.reach, speeds)
-    places = shapely.line_interpolate_point(shapely.LineString(path), along)
-    points = shapely.get_coordinates(places)
+    # GEOS walks along the whole path for each of the 100,000 points of a long one.
+    passed = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+    points = np.column_stack([np.interp(along, passed, axis) for axis in path.T])
     slower = speeds_along(points, path, speeds) / voyage.vessel.speed
     return Room(along, points, share, problem.reach(points) * slower)
 

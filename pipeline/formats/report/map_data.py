@@ -25,6 +25,7 @@ from pipeline.findings.text import fuel_unit, zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
 from pipeline.geo.projection import Projection
 from pipeline.model import RouteKey, Water
+from renew.results import unite_soft_no_go
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
 _MIN_STEPS = 2e5
@@ -382,6 +383,7 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
     chart = result.water.chart
     xmin, ymin, xmax, ymax = chart.bounds
     tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
+    unite_soft_no_go([ranked.route for ranked in result.routes])
     zones = np.array([ranked.route.soft_no_go for ranked in result.routes], dtype=object)
     # Zones have tens of thousands of vertices: keeping their topology would take ten times as long.
     zones = shapely.make_valid(shapely.simplify(zones, tolerance, preserve_topology=False))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -207,6 +208,28 @@ def test_both_endpoints_on_land_are_reported_with_the_nearest_water(chart: Path)
     assert [fault.split()[0] for fault in faults] == ["start", "goal"]
     assert "1.2 km from the nearest water with a way out at [29.99" in faults[0]
     assert "more than 20 km from the nearest water" in faults[1]
+
+
+@pytest.mark.parametrize(("shortfall", "longitude"), [("refuse", 29.995), ("least", 30.02)])
+def test_the_nearest_water_lies_in_an_inlet_where_less_room_may_be_kept(
+    shortfall: str, longitude: float, tmp_path: Path
+) -> None:
+    # The inlet is 330 m wide and 2 km long; the vessel turns on a circle of 500 m.
+    inlet = shapely.box(29.9, 10.4985, 30.02, 10.5015)
+    file = tmp_path / "inlet.geojson"
+    file.write_text(shapely.to_geojson(shapely.difference(ISLAND, inlet)))
+    table = scenario((30.025, 10.5), WATER, file).model_dump(mode="json")
+    table["vessel"] = {
+        "origin": "test",
+        "length_m": 150.0,
+        "speed_m_s": 6.0,
+        "turn_rate_deg_s": math.degrees(6.0 / 250.0),
+    }
+    table["planner"]["shortfall"] = shortfall
+    (fault,) = endpoints_on_land(Scenario.model_validate(table))
+    place = re.search(r"with a way out at \[([\d.]+), ", fault)
+    assert place is not None
+    assert float(place[1]) == pytest.approx(longitude, abs=0.002)
 
 
 def test_swapped_coordinates_are_recognised_far_inland_only(chart: Path) -> None:
