@@ -123,7 +123,7 @@ def test_the_class_with_the_least_mean_is_chosen() -> None:
         ([(1.0, 1, 50.0), (1.1, 0, 0.0)], 1),  # a free way is worth a tenth more fuel
         ([(1.0, 1, 50.0), (1.3, 0, 0.0)], 0),  # but not nearly a third
         ([(1.0, 18, 2_400.0), (1.06, 18, 2_000.0)], 0),  # 400 m at the quay are not worth 20 km
-        ([(1.0, 18, 2_400.0), (1.01, 18, 2_000.0)], 1),  # they are worth 3 km
+        ([(1.0, 18, 2_400.0), (1.005, 18, 2_000.0)], 1),  # they are worth 1.6 km
         ([(1.0, 19, 2_000.0), (1.06, 18, 2_000.0)], 0),  # nor is a step of that share
         ([(1.0, 18, 2_000.0), (1.06, 9, 2_000.0)], 1),  # half of a turn is
     ],
