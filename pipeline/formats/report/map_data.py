@@ -243,7 +243,7 @@ def map_data(
         "grid": _grid(result, lattice),
         "start": lattice.line(start[None, :]),
         "goal": lattice.line(goal[None, :]),
-        "via": [lattice.line(point[None, :]) for point in via],
+        "via": lattice.line(np.array(via).reshape(-1, 2)),
         "islands": [
             {
                 "label": island.label,

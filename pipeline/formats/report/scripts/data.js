@@ -33,8 +33,8 @@ const readPlace = (line, step) => readLine(line, step)[0];
 // How the fields that hold places are read; all others hold values or series.
 const READERS = Object.fromEntries([
   [readPlace, ["start", "goal", "corner", "foot", "place"]],
-  [readLine, ["places", "turns", "hits", "shores"]],
-  [readLines, ["via", "extent", "sheet", "parts", "edges", "ways"]],
+  [readLine, ["places", "via", "turns", "hits", "shores"]],
+  [readLines, ["extent", "sheet", "parts", "edges", "ways"]],
   [readRings, ["beyond", "land", "noGo", "shoals", "hazards", "area", "nearBest", "soft", "turnRoom"]],
 ].flatMap(([reader, names]) => names.map((name) => [name, reader])));
 
