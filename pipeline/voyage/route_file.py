@@ -32,8 +32,8 @@ _MOST_POINTS = 100_000
 _PIECE_M = 2_000.0
 # Number of metres of a degree of latitude, roughly.
 _DEGREE_M = 111_000.0
-# What the libraries that read a file raise where it is damaged.
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, etree.XMLSyntaxError)
+# What the libraries that read a file raise where it is damaged; lxml's error is a SyntaxError.
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, SyntaxError)
 
 
 class RoutePoint(NamedTuple):

@@ -139,6 +139,7 @@ def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_p
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 95]]}', "latitude 95"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "all at one place"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, "x"], [1, 2]]}', "is damaged"),
+        ("a.json", f'{{"type": "LineString", "coordinates": [[1{"0" * 400}, 2]]}}', "is damaged"),
         ("a.rtz", "<route><waypoints><waypoint/></waypoints></route>", "is damaged"),
     ],
 )
