@@ -168,7 +168,7 @@ def test_with_members_the_share_that_exceeds_a_limit_is_told(tmp_path: Path) -> 
     """Waves that rise when half of the members' vessels have arrived."""
     waves(worst=1.0).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
     season = {"name": "still", "currents": ["still"], "departure": DEPARTURE}
-    seasons = [{**season, "members": {"spread": 0.3}}]
+    seasons = [{**season, "members": {"spread": 0.3, "count": 8}}]
     ranked = found(tmp_path, {"waves": ["waves.nc"], "wave_m": 1.2}, seasons=seasons).routes[0]
     assert ranked.metrics.members_over_limit_share == 0.0
     case, (field,) = ranked.case.case, ranked.case.case.weather
