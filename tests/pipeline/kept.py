@@ -29,7 +29,7 @@ def keep() -> None:
     """Keep both from their first use on."""
     if not hasattr(LandMask.world, "cache_info"):
         LandMask.world = functools.cache(LandMask.world)  # type: ignore[method-assign]
-        dataset.Worker = functools.cache(KeptWorker)  # type: ignore[attr-defined]
+        dataset.Worker = functools.cache(KeptWorker)  # type: ignore[attr-defined, assignment]
 
 
 def dask_setup(_: object) -> None:
