@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_426, 28),
     "pipeline/scenario": (2_280, 40),
     "pipeline/serve": (1_721, 9),
-    "pipeline/sources": (10_185, 46),
+    "pipeline/sources": (10_191, 46),
     "pipeline/stages": (5_454, 15),
     "pipeline/voyage": (2_157, 9),
     "renew/bounds": (1_604, 8),
