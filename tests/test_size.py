@@ -34,7 +34,7 @@ ROOMS = {
     "renew/inputs": (2_288, 24),
     "renew/kernels": (2_419, 19),
     "renew/paths": (1_855, 9),
-    "renew/planner": (4_380, 16),
+    "renew/planner": (4_381, 16),
     "renew/steering": (898, 1),
     "renew/turns": (1_663, 13),
     "renew/underway": (2_277, 13),
