@@ -31,6 +31,8 @@ gc.set_threshold(50_000, 20, 50)
 # Longest time that a process of the tests waits for what another one makes for both, s.
 WAIT_S = 600.0
 _GOLDEN = (5**0.5 - 1) / 2
+# Folders of such tests.
+_SHARING = {"nightly", "serve"}
 
 # The gate draws the same examples for everybody: a red run is the change's doing.
 # `make test-new-examples` draws others. No deadline, and slow draws are allowed: the first call of
@@ -56,8 +58,11 @@ providers.is_local_module_file = lambda _: False  # type: ignore[attr-defined, a
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave in the gate what `gate_share(count)` says of a test's parameters; the rest are slow.
 
-    Steps by the golden ratio spread the choice evenly, also over several parameters.
+    Steps by the golden ratio spread the choice evenly, also over several parameters. First come the
+    tests that share a server or a cluster: a second process takes over from the end, and would
+    start its own.
     """
+    items.sort(key=lambda item: _SHARING.isdisjoint(item.path.parts))
     cases: dict[tuple[Path, str], list[pytest.Item]] = {}
     for item in items:
         if item.get_closest_marker("gate_share") is not None:

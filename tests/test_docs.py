@@ -32,6 +32,8 @@ DOCUMENTS = (
         if path.parent.name != "notebooks"  # run by their own test
     ),
 )
+# Pages whose Python takes seconds: a slow test runs it.
+LONG = ("docs/changing-currents.md", "docs/how-to/ensembles.md")
 FENCE = re.compile(r"^```(?P<language>\w+)[^\n]*\n(?P<body>.*?)^```\s*$", re.MULTILINE | re.DOTALL)
 SHELL = ("sh", "bash", "console")
 NOT_RUN = re.compile(r"<!-- not run: [^\n]+ -->\n$")
@@ -78,7 +80,10 @@ def _targets() -> list[str]:
     return sorted(set(named))
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize(
+    "document",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one in LONG)) for one in DOCUMENTS],
+)
 def test_python_blocks_run(document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The blocks run in their order, in one namespace, as a reader would paste them."""
     monkeypatch.chdir(tmp_path)
@@ -178,9 +183,8 @@ FAULTS = {
 @pytest.mark.parametrize(
     "faults",
     [
-        ("none",),
         ("broken link", "no docstring", "cell not executed"),
-        *(pytest.param((one,), marks=pytest.mark.slow) for one in FAULTS if one != "none"),
+        *(pytest.param((one,), marks=pytest.mark.slow) for one in FAULTS),
     ],
 )
 def test_a_strict_build_fails_at_faults(faults: tuple[str, ...], tmp_path: Path) -> None:

@@ -16,7 +16,10 @@ from pipeline.voyage.table import each
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import VesselSpec
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))\s*([^\d\s].*?)?\s*")
+# A comma before three figures may part thousands, as in 1,200: it is not read as a decimal one.
+_QUANTITY = re.compile(
+    r"\s*(?![+-]?[1-9]\d*,\d{3}(?!\d))([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))\s*([^\d\s].*?)?\s*"
+)
 # A knot, m/s: a nautical mile of 1852 m per hour.
 _KNOT = 1852 / 3600
 _SPEEDS = {
@@ -122,14 +125,14 @@ def zoned_time(given: str | datetime) -> datetime:
     """Read a time with a zone, and return it in UTC."""
     try:
         time = datetime.fromisoformat(given) if isinstance(given, str) else given
-    except ValueError:
+        if time.tzinfo is not None:
+            return time.astimezone(UTC)
+    except (ValueError, OverflowError):
         raise ValueError(
             f"{given} is not a time; give date, time and zone, such as 2026-11-22T06:00Z"
         ) from None
-    if time.tzinfo is None:
-        text = time.isoformat() if isinstance(given, datetime) else given
-        raise ValueError(f"{text} has no zone; add it: {text}Z for UTC, or {text}+08:00")
-    return time.astimezone(UTC)
+    text = time.isoformat(timespec="minutes")
+    raise ValueError(f"{given} has no zone; add it: {text}Z for UTC, or {text}+08:00")
 
 
 def read_months(texts: Sequence[str]) -> tuple[str, ...]:

@@ -32,8 +32,8 @@ _MOST_POINTS = 100_000
 _PIECE_M = 2_000.0
 # Number of metres of a degree of latitude, roughly.
 _DEGREE_M = 111_000.0
-# What the libraries that read a file raise where it is damaged.
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, etree.XMLSyntaxError)
+# What the libraries that read a file raise where it is damaged; lxml's error is a SyntaxError.
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, SyntaxError)
 
 
 class RoutePoint(NamedTuple):
@@ -181,10 +181,11 @@ def _of_rtz(root: Any) -> GivenRoute:  # noqa: ANN401 - lxml has no types
     for one in root.iterfind(".//{*}schedules//*[@waypointId]"):
         if time := one.get("eta") or one.get("etd"):
             stated.setdefault(one.get("waypointId"), _utc(datetime.fromisoformat(time)))
-    points = []
+    points, usual = [], root.find("{*}waypoints/{*}defaultWaypoint/{*}leg")
     for point in root.iterfind("{*}waypoints/{*}waypoint"):
-        place, leg = point.find("{*}position"), point.find("{*}leg")
-        is_orthodrome = leg is not None and leg.get("geometryType") == "Orthodrome"
+        place, legs = point.find("{*}position"), (point.find("{*}leg"), usual)
+        kinds = (leg.get("geometryType") for leg in legs if leg is not None)
+        is_orthodrome = next(filter(None, kinds), "") == "Orthodrome"
         curve: Curve = "Orthodrome" if is_orthodrome else "Loxodrome"
         lon, lat = float(place.get("lon")), float(place.get("lat"))
         named = clean(point.get("name") or ""), stated.get(point.get("id"))

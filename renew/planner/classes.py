@@ -516,7 +516,8 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
     if has_risk and (risk := _least_risk(route_with, options.risk)):
         remedies += planned_with(f"a risk of {risk:g}", risk=risk)
     most = min(options.min_width or math.inf, max(map(_narrowest_gap, widest), default=0.0) / 2)
-    if width := _largest_padding(route_with, most):
+    pads = options.is_adaptive or options.min_width > 0  # else there is nothing to keep less of
+    if pads and (width := _largest_padding(route_with, most)):
         # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
         safe = f"{width * (1 - 5e-4):.4g}"
         fixed = {"padding": float(safe), "clearance": 0.0, "risk_at": "route"}

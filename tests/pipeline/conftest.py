@@ -12,7 +12,7 @@ from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from tests.conftest import once
-from tests.pipeline.kept_land_mask import keep_land_mask
+from tests.pipeline.kept import keep
 from tests.pipeline.voyage import sailing
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
@@ -20,8 +20,8 @@ ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _kept_land_mask() -> None:
-    keep_land_mask()
+def _kept() -> None:
+    keep()
 
 
 @pytest.fixture(scope="session")

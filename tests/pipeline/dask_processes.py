@@ -39,7 +39,7 @@ def cluster(
     folder: Path, workers: int = 1, port: int = 0
 ) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """Start a scheduler and workers that can plan; give the scheduler's process and its address."""
-    options = ("--preload", "tests.pipeline.kept_land_mask", "--memory-limit", "2GiB")
+    options = ("--preload", "tests.pipeline.kept", "--memory-limit", "2GiB")
     with scheduler(folder, port) as (process, address), contextlib.ExitStack() as held:
         for _ in range(workers):
             held.enter_context(worker(address, *options))

@@ -33,24 +33,32 @@ WATTS = 6 * 125 + 250
 
 
 def scenario(folder: Path, **power: object) -> Scenario:
-    """The voyage of `sailing` in still water, with havens and a vessel with a power."""
-    (folder / "havens.csv").write_text("name,lon,lat\nWest,119.015,9.515\nEast,119.085,9.545\n")
+    """The voyage of `sailing` in still water, of a vessel with a power."""
     table = load_scenario(str(sailing.scenario_file(folder))).model_dump(
         mode="json", exclude_defaults=True
     )
     departure = tidal_run.DEPARTURE.isoformat()
     table["seasons"] = [{"name": "calm", "currents": ["still"], "departure": departure}]
     table["vessel"] = FIGURES | {"power": {**LAW, **power}}
-    return parse_scenario({**table, "havens": {"path": str(folder / "havens.csv")}})
+    return parse_scenario(table)
+
+
+def with_havens(folder: Path, endurance: str | None = None, **power: object) -> Scenario:
+    """The same voyage, with havens."""
+    file = folder / "havens.csv"
+    file.write_text("name,lon,lat\nWest,119.015,9.515\nEast,119.085,9.545\n")
+    table = scenario(folder, **power).model_dump(mode="json", exclude_defaults=True)
+    limits = {"endurance": endurance} if endurance else {}
+    return parse_scenario({**table, "havens": {"path": str(file), **limits}})
 
 
 @pytest.fixture(scope="module")
-def powered(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Path]:
-    """Plan it with a battery that lasts 1.5 times as long as the voyage; its outcome and folder."""
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """Plan it with a battery that lasts 1.5 times as long as the voyage."""
     folder = tmp_path_factory.mktemp("energy")
     asked = scenario(folder, battery_wh=1500.0, reserve=0.2)
     assert parse_scenario(catalogue.read_toml(_written(asked, folder))) == asked
-    return run(asked, folder / "outputs", offline=True), folder
+    return run(asked, folder / "outputs", offline=True)
 
 
 def _written(asked: Scenario, folder: Path) -> Path:
@@ -58,8 +66,7 @@ def _written(asked: Scenario, folder: Path) -> Path:
     return folder / "again.toml"
 
 
-def test_energy_is_power_times_time_and_the_rest_is_left(powered: tuple[Outcome, Path]) -> None:
-    outcome, _ = powered
+def test_energy_is_power_times_time_and_the_rest_is_left(outcome: Outcome) -> None:
     with (outcome.directory / "metrics.csv").open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):
             used = WATTS * float(row["duration_s"]) / 3600
@@ -69,8 +76,7 @@ def test_energy_is_power_times_time_and_the_rest_is_left(powered: tuple[Outcome,
     assert f"{best.energy_wh:.1f} Wh, {best.left_wh:.1f} Wh left" in answer(outcome)
 
 
-def test_each_waypoint_says_what_is_left(powered: tuple[Outcome, Path]) -> None:
-    outcome, _ = powered
+def test_each_waypoint_says_what_is_left(outcome: Outcome) -> None:
     points = case_waypoints(outcome.result.case("calm"))[0]
     left = 1200 - WATTS * points.time_s / 3600
     assert points.left == pytest.approx(left)
@@ -80,15 +86,15 @@ def test_each_waypoint_says_what_is_left(powered: tuple[Outcome, Path]) -> None:
     assert point_text(points, 0).endswith("; 1,200 Wh left")
 
 
-def test_havens_count_on_the_battery(powered: tuple[Outcome, Path]) -> None:
+@pytest.mark.slow
+def test_havens_count_on_the_battery(tmp_path: Path) -> None:
     """As an endurance of that many hours does."""
-    outcome, folder = powered
-    case = outcome.result.case("calm")
+    asked = with_havens(tmp_path, battery_wh=1500.0, reserve=0.2)
+    case = run(asked, tmp_path / "outputs", offline=True).result.case("calm")
     assert "with what is on board" in haven_facts(case)[0]
     assert any(row.get("fuel", "").endswith("Wh") for row in printed_rows(case))
-    table = scenario(folder, battery_wh=9e3).model_dump(mode="json", exclude_defaults=True)
-    table["havens"]["endurance"] = f"{60 * 1200 // WATTS}min"
-    given = run(parse_scenario(table), folder / "given", offline=True).result.case("calm")
+    asked = with_havens(tmp_path, f"{60 * 1200 // WATTS}min", battery_wh=9e3)
+    given = run(asked, tmp_path / "outputs", offline=True).result.case("calm")
     assert case.coverage is not None
     assert given.coverage is not None
     for state in ("covered", "uncovered"):
@@ -96,14 +102,13 @@ def test_havens_count_on_the_battery(powered: tuple[Outcome, Path]) -> None:
 
 
 def test_too_little_on_board_is_said_and_refused_for_havens(
-    powered: tuple[Outcome, Path], tmp_path: Path
+    outcome: Outcome, tmp_path: Path
 ) -> None:
-    outcome, _ = powered
-    asked = scenario(tmp_path, tank_l=0.1, wh_per_l=3000.0)
+    asked = with_havens(tmp_path, tank_l=0.1, wh_per_l=3000.0)
     with pytest.raises(RequestError, match=r"havens\.endurance = '18.0 min' is below the .*tank"):
         run(asked, tmp_path / "outputs", offline=True)
     with pytest.raises(RequestError, match="or the vessel's battery or tank"):
-        scenario(tmp_path)
+        with_havens(tmp_path)
     short = replace(outcome.result.planned["calm"], power=asked.vessel.power)
     best = outcome.result.case("calm").routes[0]
     short_row = replace(best.metrics, energy=short.energy)

@@ -187,6 +187,7 @@ def test_a_file_that_cannot_be_finished_leaves_the_earlier_ones(
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_folder_that_cannot_be_replaced_stays_as_it_is(result: RunResult, tmp_path: Path) -> None:
     """The folder around it is immutable, which only shows when all files are written."""
     earlier = put_earlier_files(tmp_path / "run")

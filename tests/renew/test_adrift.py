@@ -30,7 +30,7 @@ def followed(
     """Follow points (n, 2) by Runge and Kutta's rule in steps of 30 s; return the seconds (n,)."""
     step, found, places = 30.0, np.full(len(points), np.inf), points.copy()
     shapely.prepare(land)
-    for since in np.arange(0.0, 72 * HOUR, step):
+    for since in np.arange(0.0, 36 * HOUR, step):
         going = np.isinf(found) & (places >= 0).all(axis=1) & (places <= 100_000).all(axis=1)
         ashore = going & shapely.intersects_xy(land, places)
         found[ashore] = since
@@ -113,7 +113,9 @@ def test_beside_an_own_integration(current: renew.CurrentField) -> None:
     ]
     land = shapely.union_all(islands)
     route = sailed([(5_000, 20_000), (50_000, 55_000), (95_000, 70_000)], current)
-    found = renew.adrift(route, renew.Chart(EXTENT, islands), current, lateness=0.0)
+    found = renew.adrift(
+        route, renew.Chart(EXTENT, islands), current, lateness=0.0, horizon=36 * HOUR
+    )
     chosen = np.linspace(0, len(found.points) - 1, 200).astype(int)
     known = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(route.path, axis=0), axis=1))])
     times = np.interp(found.along[chosen], known, route.times)

@@ -46,9 +46,9 @@ def load() -> None:
         importlib.import_module(name)
     from pipeline.sources.current_field import LandMask
     from pipeline.sources.land import osm
-    from tests.pipeline.kept_land_mask import keep_land_mask
+    from tests.pipeline.kept import keep
 
-    keep_land_mask()
+    keep()
     LandMask.world()
     osm.OsmLand().land(shapely.box(118.0, 9.0, 119.0, 10.0))
 

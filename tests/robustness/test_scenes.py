@@ -12,7 +12,7 @@ import pytest
 from tests.commands import ran
 
 SCENES = 1000
-SAMPLE = 14
+SAMPLE = 10
 
 
 def outcome(root: Path, first: int, last: int) -> dict[str, Any]:

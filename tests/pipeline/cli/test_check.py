@@ -30,6 +30,7 @@ def _check(folder: Path, tables: str, region: bool = True) -> Result:  # noqa: F
     return CliRunner().invoke(app, ["check", str(folder / "scenario.toml")])
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("region", [True, False])
 @pytest.mark.parametrize(
     ("tables", "file", "good", "bad"),

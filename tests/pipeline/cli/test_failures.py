@@ -338,8 +338,9 @@ def test_code_that_never_returns_is_ended_all_the_same() -> None:
     """The main thread waits in C for a lock that it holds itself, and sees no signal."""
     program = (
         "import ctypes\n"
-        "from pipeline.cli.failures import ending_promptly\n"
-        "with ending_promptly():\n"
+        "from pipeline.cli import failures\n"
+        "failures._GRACE_S = 0.5\n"
+        "with failures.ending_promptly():\n"
         "    print('ready', flush=True)\n"
         "    mutex = ctypes.create_string_buffer(64)\n"
         "    lock = ctypes.CDLL(None).pthread_mutex_lock\n"

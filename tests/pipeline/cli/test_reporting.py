@@ -27,7 +27,7 @@ from tests.pipeline.small_region import with_stand_in
 def test_a_line_says_what_is_at_work_until_the_run_ends(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress_module, "_HEARTBEAT_S", 0.2)
+    monkeypatch.setattr(progress_module, "_HEARTBEAT_S", 0.1)
     table = read_toml(scenario_path("single-gyre"))
     table["seasons"].append({"name": "second", "uniform": {"u": 0.1}})
     first = table["seasons"][0]["name"]
@@ -36,9 +36,9 @@ def test_a_line_says_what_is_at_work_until_the_run_ends(
     with progress(parse_scenario(table), ["a note"], as_json=True) as on_event:
         on_event(Event("simplify", "note", detail=note_text(note), note=note))
         on_event(Event("plan", "begun"))
-        time.sleep(0.5)
+        time.sleep(0.25)
         on_event(Event("plan", "done", season=first))
-        time.sleep(0.5)
+        time.sleep(0.25)
     assert threading.active_count() == threads
     lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
     assert lines[0]["detail"] == "a note"
@@ -48,8 +48,8 @@ def test_a_line_says_what_is_at_work_until_the_run_ends(
     assert {line["stage"] for line in beats} == {"plan"}
     assert [first, "second"] in [line["seasons"] for line in beats]
     assert beats[-1]["seasons"] == ["second"]
-    assert beats[-1]["seconds"] >= 0.8
-    time.sleep(0.5)
+    assert beats[-1]["seconds"] >= 0.4
+    time.sleep(0.25)
     assert capsys.readouterr().err == ""
 
 

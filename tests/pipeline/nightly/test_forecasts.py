@@ -63,7 +63,7 @@ def kept_night(folder: Path, members: str = "{}", departures: int = 1) -> NightC
     file = region_night(folder, departures)
     scenario = folder / "region.toml"
     text = scenario.read_text().replace('["still"]', f'["./tonight.nc"]\nmembers = {members}')
-    scenario.write_text(text.replace("classes = 2", 'classes = 2\npadding = "none"'))
+    scenario.write_text(text)
     text = file.read_text().replace('members = "currents/*.nc"\n', "")
     text = text.replace('"06:00Z", every = "6h"', '"00:00Z", every = "1d"')
     file.write_text(text)

@@ -211,6 +211,7 @@ def test_a_pair_within_the_charts_margin_is_planned(tmp_path: Path, cluster: str
     file = region_night(tmp_path, departures=1)
     region = (tmp_path / "region.toml").read_text().replace("paper-asv", "usv-7m")
     region = region.replace("scale = 1000", "scale = 1").replace("tolerance_m = 500\n", "")
+    region = region.replace('padding = "none"\n', "")
     (tmp_path / "region.toml").write_text(region)
     file.write_text(file.read_text() + 'pairs = "pairs.csv"\n')
     (tmp_path / "pairs.csv").write_text(

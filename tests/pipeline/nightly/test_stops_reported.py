@@ -75,8 +75,9 @@ def test_every_stop_is_reported(tmp_path: Path, service: Service) -> None:
 _WATCHED = """
 import sys, time
 from pathlib import Path
-from pipeline.cli.failures import ending_promptly
+from pipeline.cli import failures
 from pipeline.cli.night_watch import watched
+failures._GRACE_S = 0.5
 class Slow:  # what takes longer to close than a stopped process is given
     def __enter__(self): pass
     def __exit__(self, *_): time.sleep(60)
@@ -84,7 +85,7 @@ def night():
     with Slow():
         print("ready", flush=True)
         time.sleep(60)
-with ending_promptly():
+with failures.ending_promptly():
     watched(night, metrics=Path(sys.argv[1]), url=sys.argv[2], on_event=lambda event: None)
 """
 

@@ -60,11 +60,8 @@ def open_page(browser: Browser, server: Server) -> Iterator[Open]:
             "request",
             lambda sent: None if sent.url.startswith((own, "data:")) else faults.append(sent.url),
         )
-        page.goto(server.address)
-        assert page.url == own  # the token is in no history
-        if fragment:
-            page.goto(f"{own}#{fragment}")
-            page.reload()
+        page.goto(f"{server.address}#{fragment}")
+        assert page.url.partition("#")[0] == own  # the token is in no history
         page.wait_for_selector("html[data-ready]", state="attached")
         return page
 

@@ -96,18 +96,17 @@ def test_every_refusal_has_one_form(server: Server, method: str, path: str, stat
     assert status != 405 or answer.headers["allow"]
 
 
-def test_files_that_are_gone_are_named_so(hasty: Server) -> None:
-    plan = hasty.ended(hasty.begin(hasty.island()))
-    (folder,) = (path for path in hasty.output.iterdir() if not path.name.startswith("."))
-    (folder / "report.html").unlink()
+def test_files_that_are_gone_are_named_so(server: Server) -> None:
+    plan = server.ended(server.begin({**server.island(), "speed": "8.5kn"}))
+    (server.output / plan["name"] / "report.html").unlink()
     identity = plan["id"]
     for path in (f"/api/plan/{identity}/files/report.html", f"/plan/{identity}/report.html"):
-        answer = hasty.ask("GET", path)
+        answer = server.ask("GET", path)
         assert answer.status == 404
         assert "if it was removed, plan the voyage again" in answer.json["faults"][0]
-    answer = hasty.ask("GET", f"/api/plan/{identity}/files.zip")
+    answer = server.ask("GET", f"/api/plan/{identity}/files.zip")
     assert (answer.status, set(answer.json)) == (404, {"faults"})
-    assert hasty.ask("GET", f"/api/plan/{identity}/files/metrics.csv").status == 200
+    assert server.ask("GET", f"/api/plan/{identity}/files/metrics.csv").status == 200
 
 
 async def _send(given: GivenFiles, content: bytes) -> Path:

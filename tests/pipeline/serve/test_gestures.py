@@ -74,6 +74,7 @@ def test_a_line_is_pulled_to_a_point_which_its_pin_removes(
     expect(field).to_have_count(0)
     expect(page.locator(".pin")).to_have_count(2)
     page.wait_for_url(re.compile(planned["id"]))
+    server.ended(answer.value.json()["id"])  # other tests look at what is in the folder
 
 
 def test_changes_are_undone_and_all_is_cleared(open_page: Open, planned: dict[str, Any]) -> None:
@@ -195,6 +196,7 @@ def test_a_later_server_has_the_plans_named_shown_and_deleted(
         page.close()
 
 
+@pytest.mark.slow
 def test_the_next_plan_does_not_wait_for_files(server: Server) -> None:
     """Of two plans one after the other, the second is found before it would be by waiting."""
     voyage = {**server.island(), "speed": "7.5kn"}

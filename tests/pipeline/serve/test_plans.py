@@ -294,6 +294,7 @@ def test_a_plan_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
         assert all(ends_within(one, 5) for one in left)
 
 
+@pytest.mark.slow
 def test_workers_end_with_a_server_that_is_killed(tmp_path: Path) -> None:
     with serving(tmp_path / "outputs") as server:
         wait_until(lambda: workers(server))

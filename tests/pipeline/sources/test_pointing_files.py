@@ -31,6 +31,7 @@ from pipeline.scenario.region import ChartSource
 from pipeline.sources.cf.contents import read_contents
 from pipeline.sources.combined_charts import DepthFile
 from pipeline.sources.land.vector import VectorFile, read_havens
+from tests.pipeline.kept import keep
 
 REGION = shapely.box(119.5, 9.5, 120.5, 10.5)
 ISLAND = shapely.box(120.0, 10.0, 120.1, 10.1)
@@ -395,5 +396,6 @@ def test_files_that_lead_elsewhere_open_no_socket_and_no_other_file(
 
 
 if __name__ == "__main__":
+    keep()
     for tried in sorted(filter(is_tried, Path(sys.argv[1]).iterdir())):
         print(f"{tried.name}\t{read(tried)}", flush=True)  # noqa: T201 - this is how it answers

@@ -48,7 +48,7 @@ def scenario_data(folder: Path, **asked: object) -> dict[str, Any]:
         ],
         "region": {"bbox": [-40.09, 34.95, -39.91, 35.10]},
         "chart": {"source": {"path": "island.geojson", "accuracy_m": 10}},
-        "planner": {"classes": 4},
+        "planner": {"classes": 2},
         "seasons": [
             {
                 "name": "tide",

@@ -17,9 +17,9 @@ import shapely
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
-from pipeline.run import run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.land.osm import land_polygons
+from tests.pipeline.results import result_of
 
 REGION = (-14.62, -8.12, -14.12, -7.76)
 WEST, EAST = (-14.55, -7.95), (-14.20, -7.95)
@@ -43,8 +43,8 @@ def scenario_data(source: object, **asked: object) -> dict[str, Any]:
 
 
 def planned(folder: Path, source: object) -> RunResult:
-    """Run the voyage with some sources of land."""
-    return run(parse_scenario(scenario_data(source), folder), folder / "outputs").result
+    """Plan the voyage with some sources of land."""
+    return result_of(parse_scenario(scenario_data(source), folder), folder / "outputs")
 
 
 def file(folder: Path, *land: shapely.Geometry) -> str:
@@ -54,7 +54,6 @@ def file(folder: Path, *land: shapely.Geometry) -> str:
     return f"./{path.name}"
 
 
-@pytest.mark.usefixtures("plain_report")
 def test_a_route_over_land_that_a_file_lacks_is_refused_and_both_remedies_work(
     tmp_path: Path,
 ) -> None:
@@ -79,7 +78,6 @@ def test_a_route_over_land_that_a_file_lacks_is_refused_and_both_remedies_work(
 
 
 @pytest.mark.gate_share(1)
-@pytest.mark.usefixtures("plain_report")
 @pytest.mark.parametrize(("coarser_deg", "off_deg"), [(0.0, 4e-4), (0.001, 0.0)])
 def test_a_chart_of_about_the_same_coast_is_planned_on(
     tmp_path: Path, coarser_deg: float, off_deg: float

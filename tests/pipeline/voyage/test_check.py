@@ -139,6 +139,7 @@ def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_p
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 95]]}', "latitude 95"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "all at one place"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, "x"], [1, 2]]}', "is damaged"),
+        ("a.json", f'{{"type": "LineString", "coordinates": [[1{"0" * 400}, 2]]}}', "is damaged"),
         ("a.rtz", "<route><waypoints><waypoint/></waypoints></route>", "is damaged"),
     ],
 )
@@ -158,3 +159,23 @@ def test_a_line_across_180_degrees_is_one(tmp_path: Path) -> None:
     route = read_route(tmp_path / "a.geojson")
     assert route.lonlat[:, 0] == pytest.approx([179, 180, 181])
     assert route.ends == ("1.00000000N 179.00000000E", "3.00000000N 179.00000000W")
+
+
+def test_legs_of_an_rtz_without_a_geometry_have_that_of_its_default_waypoint(
+    tmp_path: Path,
+) -> None:
+    places = ((45.0, -50.0), (45.0, -10.0), (45.0, -9.0))
+    own = ("", "", '<leg geometryType="Loxodrome"/>')
+    points = (
+        f'<waypoint id="{i}"><position lat="{lat}" lon="{lon}"/>{leg}</waypoint>'
+        for i, ((lat, lon), leg) in enumerate(zip(places, own, strict=True))
+    )
+    (tmp_path / "a.rtz").write_text(
+        '<route xmlns="http://www.cirm.org/RTZ/1/2" version="1.2"><routeInfo routeName="a"/>'
+        '<waypoints><defaultWaypoint><leg geometryType="Orthodrome"/></defaultWaypoint>'
+        f"{''.join(points)}</waypoints></route>"
+    )
+    line, at = read_route(tmp_path / "a.rtz").drawn
+    ((_, north),) = GEOD.npts(-50, 45, -10, 45, 1)
+    assert line[: at[1], 1].max() == pytest.approx(north, abs=1e-3)
+    assert line[at[1] :, 1] == pytest.approx(45.0)

@@ -98,6 +98,7 @@ def within_hours(
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.gate_share(1)
 @pytest.mark.usefixtures("plain_report")
 @pytest.mark.parametrize("hours", [1.0, 0.8])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from datetime import date
+import re
+from datetime import date, timedelta
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from pipeline.voyage.readers import (
     read_variables,
     speed_m_s,
     speed_or_range,
+    zoned_time,
 )
 from tests.pipeline.voyage.waters import scenario_of
 
@@ -182,6 +184,17 @@ def test_figures_come_back_in_each_unit(size: float, space: str) -> None:
 def test_a_decimal_comma_and_capitals_are_read() -> None:
     assert speed_m_s("7,2 KM/H") == pytest.approx(2.0)
     assert length_m("1,5M") == 1.5
+    assert length_m("0,125nm") == 231.5
+
+
+@pytest.mark.parametrize("text", ["2026-11-22", "2026-11-22T06", "2026-11-22T06:00:00"])
+def test_a_time_with_the_zone_that_its_refusal_asks_for_is_read(text: str) -> None:
+    with pytest.raises(ValueError, match="add it: ") as refused:
+        zoned_time(text)
+    utc, east = map(zoned_time, re.findall(r"2026-\S+(?:Z|\+08:00)", str(refused.value)))
+    assert utc - east == timedelta(hours=8)
+    with pytest.raises(ValueError, match="is not a time"):
+        zoned_time("0001-01-01T00:00+14:00")
 
 
 @pytest.mark.parametrize("text", ["12", "12 mps", "kn", "", "12kn!", "1e3kn", "nan m/s", "- 3kn"])
@@ -195,7 +208,7 @@ def test_a_range_of_speeds_may_give_its_unit_once(text: str) -> None:
     assert speed_or_range(text) == pytest.approx((4 * 1852 / 3600, 9 * 1852 / 3600))
 
 
-@pytest.mark.parametrize("text", ["", "long", "12kn", "12 m m"])
+@pytest.mark.parametrize("text", ["", "long", "12kn", "12 m m", "1,200m", "+12,000 ft"])
 def test_what_is_no_length_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="such as 90m"):
         length_m(text)

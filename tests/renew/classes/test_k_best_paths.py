@@ -167,7 +167,7 @@ def test_a_channel_is_in_the_class_of_the_path_that_found_it(order: str, seed: i
         assert set(crossed.nonzero()[0].tolist()) <= set(channel.found_by.triangles.tolist())
 
 
-@examples(2, 10)
+@examples(1, 10)
 @given(seed=seeds)
 def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
     task, triangulation = task_of(scene(seed), 400)
@@ -193,7 +193,7 @@ def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
         row, node = after, other
 
 
-@examples(8, 20)
+@examples(4, 20)
 @given(seed=seeds)
 def test_the_number_of_classes_is_that_of_simple_paths(seed: int) -> None:
     task, triangulation = task_of(scene(seed), 400)

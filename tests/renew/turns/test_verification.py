@@ -166,7 +166,7 @@ def test_from_no_point_more_turns_reach_land_than_the_risk_allows(seed: int) -> 
     scene = random_scene(seed, 0.85)
 
     def worst(risk_at: RiskAt) -> float:
-        plan = scene.plan(classes=4, risk=RISK, risk_at=risk_at)
+        plan = scene.plan(classes=2, risk=RISK, risk_at=risk_at)
         return float(
             max(shares_that_touch(route, scene.chart, scene.current).max() for route in plan.routes)
         )

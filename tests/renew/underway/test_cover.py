@@ -203,10 +203,10 @@ def test_late_vessels_are_covered_in_a_current_that_changes() -> None:
 
 
 def test_a_current_of_later_hours_leaves_nothing_open_before_them() -> None:
-    chart = renew.Chart(box(0, 0, 400, 100))
+    chart = renew.Chart(box(0, 0, 220, 100))
     still, back = renew.UniformCurrent(0.0, 0.0), renew.UniformCurrent(-0.6, 0.0)
     current = renew.VaryingCurrent([0.0, 250.0, 300.0, 3000.0], [still, still, back, back])
-    route = renew.plan(chart, current, PAPER_VESSEL, (20.0, 50.0), (380.0, 50.0)).best
+    route = renew.plan(chart, current, PAPER_VESSEL, (20.0, 50.0), (200.0, 50.0)).best
     found = renew.cover(route, chart, current, PAPER_VESSEL, [haven("west", 60, 20)], within=40.0)
     # In still water it is 50 s to the haven, in the current of later hours only 31 s.
     place = on_track(route, 90.0)
@@ -283,7 +283,7 @@ def test_havens_that_cannot_be_used_are_left_out_by_name(gyre: Scene) -> None:
     on_land = haven("quay", land.x, land.y) if chart.no_go else None
     outside, shut = haven("far", 500, 85), haven("shut", 15, 85, opens=-9.0, closes=-1.0)
     bad = [one for one in (on_land, outside, shut) if one is not None]
-    found = renew.cover(route, chart, current, PAPER_VESSEL, [*bad, NORTH_WEST], within=30.0)
+    found = renew.cover(route, chart, current, PAPER_VESSEL, [*bad, NORTH_WEST], within=12.0)
     assert found.havens == (NORTH_WEST,)
     assert [one.name for one, _ in found.left_out] == [one.name for one in bad]
     for one, reason in found.left_out:

@@ -93,6 +93,7 @@ def form(kind: str, step: float, folder: Path) -> Path:
 KINDS = (*FORMS, "S-111 2 of 1.0", "S-111 2 of 2.0", "S-111 3 of 1.2")
 
 
+@pytest.mark.gate_share(5)
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_form_is_read_within_the_error_of_interpolation(tmp_path: Path, kind: str) -> None:
     errors = [largest_error(read(form(kind, step, tmp_path))) for step in (STEP, STEP / 2)]

@@ -258,13 +258,11 @@ def test_a_run_on_the_services_currents_is_credited_cached_and_keeps_the_account
 
     # The service has stopped. The artefact of the current is enough, and so is the cached file
     # alone.
-    (grid,) = fetch(load_scenario(str(path)), Store(output / ".artefacts"), offline=True).currents
-    moment = datetime(2024, 7, 1, tzinfo=UTC)
-    assert world.max_error_m_s(grid, "uo", "vo", moment, ocean=ocean) < TOLERANCE_M_S
-    for stage in ("write", "current"):
-        shutil.rmtree(output / ".artefacts" / stage)
-        again = CliRunner().invoke(app, ["run", str(path), "--output", str(output), "--offline"])
-        assert again.exit_code == 0, again.output
+    moment, asked = datetime(2024, 7, 1, tzinfo=UTC), load_scenario(str(path))
+    for _ in range(2):
+        (grid,) = fetch(asked, Store(output / ".artefacts"), offline=True).currents
+        assert world.max_error_m_s(grid, "uo", "vo", moment, ocean=ocean) < TOLERANCE_M_S
+        shutil.rmtree(output / ".artefacts" / "current")
 
 
 # --- The fault table: each row is injected into a download of the unmodified client ---

@@ -1,0 +1,37 @@
+"""What tests keep in a process: the land mask of the world, and the one that opens files first.
+
+Either takes a second or a part of it each time. A program reads a few files of currents, and gives
+both back; the tests read hundreds. As a module that a Dask worker loads first, it does so there.
+"""
+
+from __future__ import annotations
+
+import atexit
+import functools
+
+from pipeline.machine.workers import Worker
+from pipeline.sources.cf import dataset
+from pipeline.sources.current_field import LandMask
+
+
+class KeptWorker(Worker):
+    """A worker that serves the next block, too; it ends with this process."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        atexit.register(self.kill)
+
+    def __exit__(self, *_: object) -> None:
+        """Leave it as it is."""
+
+
+def keep() -> None:
+    """Keep both from their first use on."""
+    if not hasattr(LandMask.world, "cache_info"):
+        LandMask.world = functools.cache(LandMask.world)  # type: ignore[method-assign]
+        dataset.Worker = functools.cache(KeptWorker)  # type: ignore[attr-defined, assignment]
+
+
+def dask_setup(_: object) -> None:
+    """Keep both in this worker."""
+    keep()
