@@ -254,10 +254,12 @@ def _credit(contents: Contents) -> Credit:
 _GAP_FAULT_SHARE = 0.2
 # Share of the cells far inland with data above which a shift of the field can't be detected.
 _FILLED_LAND_SHARE = 0.5
-# Zeros mean "no data" if at least this share of the land is zero.
-_MIN_ZERO_LAND_SHARE = 0.9
-# Zeros don't mean "no data" if more than this share of the open water is zero.
-_MAX_ZERO_WATER_SHARE = 0.01
+# A value means "no data" if at least this share of the land has it,
+_MIN_FILLER_LAND_SHARE = 0.9
+# and no more than this share of the open water.
+_MAX_FILLER_WATER_SHARE = 0.01
+# Number of cells of land from which that holds of other values than zero.
+_MIN_FILLER_CELLS = 20
 
 
 def read_checked_fields(
@@ -279,11 +281,11 @@ def read_checked_fields(
         with FieldReader(contents, window) as reader:
             first = reader.field(selected.weights[0])
             last = reader.field(selected.weights[-1]) if len(selected.weights) > 1 else first
-            zeros, zero_notes = _zeros_on_land((first, last), mask)
-            first = _without(first, zeros)
+            filler, filler_notes = _filler_on_land((first, last), mask)
+            first = _without(first, filler)
 
             def fields() -> Iterator[Field]:
-                others = (_without(wide, zeros) for wide in reader.fields(selected.weights[1:]))
+                others = (_without(wide, filler) for wide in reader.fields(selected.weights[1:]))
                 for wide in itertools.chain([first], others):
                     part = np.ix_(inside_y, inside_x)
                     kept.append(Field(lon, lat, wide.u[part], wide.v[part]))
@@ -314,7 +316,7 @@ def read_checked_fields(
         reason = "; ".join(assessment.faults)
         raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
     notes = (
-        *zero_notes,
+        *filler_notes,
         *gap_notes,
         *water_without_data(first, mask, region),
         *assessment.doubts(name),
@@ -349,24 +351,28 @@ def _weather(field: Field, assessment: plausibility.Assessment, name: str) -> Fi
     return replace(field, u=u, v=v)
 
 
-def _zeros_on_land(
+def _filler_on_land(
     fields: Sequence[Field], mask: LandMask
 ) -> tuple[BoolArray | None, tuple[Note, ...]]:
-    """Return the cells (ny, nx) whose zeros stand for land, with a note; else None.
+    """Return the cells (ny, nx) that have the value of nearly all land, with a note; else None.
 
-    As currents, these zeros would slow the water beside the land. A cell must be zero in several
-    fields, because turning water stands still for a while.
+    As a current this value, mostly zero or a fill value that is not declared, would move the water
+    beside the land. A cell must have it in several fields, because turning water stands still for a
+    while.
     """
-    zero = np.logical_and.reduce([(field.u == 0) & (field.v == 0) for field in fields])
-    if not zero.any():
-        return None, ()
     is_land = mask.on_grid(fields[0].lon, fields[0].lat)
     water = ~plausibility.dilated(is_land, plausibility.OFFSHORE_CELLS)
-    if not is_land.any() or zero[is_land].mean() < _MIN_ZERO_LAND_SHARE or not water.any():
+    if not is_land.any() or not water.any():
         return None, ()
-    if zero[water].mean() > _MAX_ZERO_WATER_SHARE:
+    # What nearly all cells have is the middle one's.
+    parts = np.stack([(field.u, field.v) for field in fields])
+    middle = np.sort(parts[..., is_land])[..., is_land.sum() // 2]
+    filler = (parts == middle[..., None, None]).all(axis=(0, 1))
+    is_rare = filler[is_land].mean() < _MIN_FILLER_LAND_SHARE
+    is_chance = middle.any() and is_land.sum() < _MIN_FILLER_CELLS
+    if is_rare or is_chance or filler[water].mean() > _MAX_FILLER_WATER_SHARE:
         return None, ()
-    return zero, (Note.of("zeros-are-land"),)
+    return filler, (Note.of("filler-is-land", speed_m_s=float(np.hypot(*middle[0]))),)
 
 
 def _without(field: Field, cells: BoolArray | None) -> Field:

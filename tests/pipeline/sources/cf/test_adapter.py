@@ -107,15 +107,18 @@ def test_the_grid_is_the_region_with_a_margin(tmp_path: Path, palawan: Field) ->
     assert credit.url == "https://doi.org/10.1234/abc.def"
 
 
-def test_zeros_on_land_are_gaps(tmp_path: Path, palawan: Field) -> None:
-    zeros = Field(palawan.lon, palawan.lat, np.nan_to_num(palawan.u), np.nan_to_num(palawan.v))
-    data = dataset(zeros)
+# The last two are 10 m/s and less: no limit of speed finds them.
+@pytest.mark.parametrize("filler", [0.0, 9999.0, -3.2768, -1.0])
+def test_one_value_on_land_is_gaps(tmp_path: Path, palawan: Field, filler: float) -> None:
+    u, v = (np.nan_to_num(part, nan=filler) for part in (palawan.u, palawan.v))
+    data = dataset(Field(palawan.lon, palawan.lat, u, v))
     data.attrs = {}
-    grid = current(write(tmp_path / "zeros.nc", data))
+    grid = current(write(tmp_path / "filled.nc", data))
     x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
     assert np.array_equal(grid.u[0], palawan.u[np.ix_(y, x)], equal_nan=True)
-    assert Note.of("zeros-are-land") in grid.notes
-    assert grid.credit.name == "zeros.nc, user's file"
+    speed_m_s = float(np.hypot(filler, filler))
+    assert Note.of("filler-is-land", speed_m_s=speed_m_s) in grid.notes
+    assert grid.credit.name == "filled.nc, user's file"
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])

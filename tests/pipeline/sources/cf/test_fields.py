@@ -445,7 +445,7 @@ def test_zeros_on_land_are_gaps_at_all_times(tmp_path: Path, steps: list[Field])
     grid = fetched(season(max_hours=20), write(tmp_path / "zeros.nc", hourly(zeros)))
     single = fetched(season(max_hours=20), write(tmp_path / "gaps.nc", hourly(steps)))
     assert np.array_equal(grid.u, single.u, equal_nan=True)
-    assert Note.of("zeros-are-land") in grid.notes
+    assert Note.of("filler-is-land", speed_m_s=0.0) in grid.notes
 
 
 # --- Two forecasts under one pattern: the later one counts in its span, and that is said ---
