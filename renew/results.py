@@ -164,7 +164,7 @@ def unite_soft_no_go(routes: Sequence[Route]) -> None:
 
     Routes on one chart share most of their padded edges: edges of the same routes are united once.
     """
-    if not routes:
+    if all(route._zone for route in routes):  # noqa: SLF001 - kept by an earlier call
         return
     padded = [route.padding_used[route.padding_used[:, 4] > 0] for route in routes]
     rows, row = np.unique(np.vstack(padded), axis=0, return_inverse=True)
@@ -178,7 +178,7 @@ def unite_soft_no_go(routes: Sequence[Route]) -> None:
         # Most islands' paddings are apart: only parts that meet are overlaid.
         own = [parts[number] for number in np.flatnonzero(members[:, at])]
         zone = shapely.disjoint_subset_union_all(own) if own else shapely.MultiPolygon()
-        route._zone[:] = [zone]  # noqa: SLF001 - kept for the next call
+        route._zone[:] = [zone]  # noqa: SLF001
 
 
 @dataclass(frozen=True, eq=False)

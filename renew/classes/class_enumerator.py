@@ -19,7 +19,7 @@ i x j <= k.
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,7 @@ class _Roads:
     clearance: float
     narrow: tuple[float, float] = (0.0, 0.0)
     plain: "_Roads | None" = None
+    searches: dict[tuple[object, ...], list[Channel]] = field(default_factory=dict, init=False)
 
     @cached_property
     def everywhere(self) -> Roadmap:
@@ -208,8 +209,13 @@ class ClassEnumerator:
             return self._combined(count, lambda _, part: part.channels(count, blocked))
         if self._roads.order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(blocked)), count))
-        graph, to_go = self._roads.everywhere, self._roads.time_to_go
-        return self._quickest(graph, to_go, self._rays, count, blocked)
+        # Classes are searched again with less padding, often around the same blocked places.
+        known = self._roads.searches
+        search = self._voyage, self._rays, count, self._dearest, frozenset(blocked)
+        if search not in known:
+            graph, to_go = self._roads.everywhere, self._roads.time_to_go
+            known[search] = self._quickest(graph, to_go, self._rays, count, blocked)
+        return known[search]
 
     @property
     def is_coarse(self) -> bool:

@@ -47,7 +47,7 @@ _DETOUR = 0.25
 _SIZE = 1 / 50
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Rays:
     """Rays of the islands from west to east: origins `x`, `y` (i,) in m, and their `island` (i,).
 

@@ -148,9 +148,9 @@ class Chart:
         return MultiPolygon(self.no_go)
 
     @cached_property
-    def shore_tree(self) -> shapely.STRtree:
-        """The edges of L as lines, for queries by place."""
-        return shapely.STRtree(shapely.linestrings(edges_of(self.no_go)))
+    def shore(self) -> FloatArray:
+        """The edges of L: their ends (2, e, 2), m."""
+        return np.ascontiguousarray(edges_of(self.no_go).swapaxes(0, 1))
 
     @cached_property
     def water(self) -> shapely.Geometry:

@@ -147,6 +147,25 @@ def _intersecting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> in
 
 
 @kernel
+def boxes_met(bounds: FloatArray, boxes: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return which bounds (c, 4) each of consecutive boxes (n, 4), near each other, meets.
+
+    Those of box i are met[first[i] : first[i + 1]], in order.
+    """
+    first = np.zeros(len(boxes) + 1, dtype=np.int64)
+    met = [np.int64(0)]
+    met.clear()
+    chosen = np.empty(len(bounds), dtype=np.int64)
+    for block in range(0, len(boxes), _BLOCK):
+        some = chosen[: _intersecting(bounds, boxes[block : block + _BLOCK], chosen)]
+        for i in range(block, min(block + _BLOCK, len(boxes))):
+            west, south, east, north = boxes[i]
+            met += [h for h in some if intersects(bounds, h, west, south, east, north)]
+            first[i + 1] = len(met)
+    return first, np.array(met, dtype=np.int64)
+
+
+@kernel
 def capsules_near(capsules: Capsules, path: FloatArray, distance: float) -> IntArray:
     """Return the indices of capsules that may be within a distance (m) of a path (n, 2).
 
@@ -228,27 +247,17 @@ def segments_near(
 
     The segments of point i are near[first[i] : first[i + 1]].
     """
-    first = np.zeros(len(points) + 1, dtype=np.int64)
-    near = [np.int64(0)]
-    near.clear()
-    chosen = np.empty(len(start), dtype=np.int64)
     bounds = capsule_bounds(Capsules(start, end, np.zeros(len(start))))
-    for block in range(0, len(points), _BLOCK):
-        last = min(block + _BLOCK, len(points))
-        west, east = extremes(points[block:last, 0])
-        south, north = extremes(points[block:last, 1])
-        _, furthest = extremes(reach[block:last])
-        west, east = west - furthest, east + furthest
-        south, north = south - furthest, north + furthest
-        count = 0
-        for h in range(len(start)):
-            if intersects(bounds, h, west, south, east, north):
-                chosen[count] = h
+    begin, met = boxes_met(bounds, capsule_bounds(Capsules(points, points, reach)))
+    first, near = np.zeros(len(points) + 1, dtype=np.int64), np.empty(len(met), dtype=np.int64)
+    count = 0
+    for i in range(len(points)):
+        for h in met[begin[i] : begin[i + 1]]:
+            if _is_within(points[i], start[h], end[h], reach[i]):
+                near[count] = h
                 count += 1
-        for i in range(block, last):
-            near += [h for h in chosen[:count] if _is_within(points[i], start[h], end[h], reach[i])]
-            first[i + 1] = len(near)
-    return first, np.array(near, dtype=np.int64)
+        first[i + 1] = count
+    return first, near[:count]
 
 
 @kernel

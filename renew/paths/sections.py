@@ -20,9 +20,9 @@ from renew.classes.dual_graph import Channel
 from renew.kernels.capsules import (
     Capsules,
     Segment,
+    boxes_met,
     capsule_bounds,
     capsule_interval,
-    intersects,
     wrapped,
 )
 from renew.kernels.viterbi import Stream, quickest_chain, shortcut
@@ -144,25 +144,15 @@ def intervals_outside(
 ) -> tuple[FloatArray, IntArray]:
     """Return the intervals (s, n, 2) of :class:`FreeIntervals`, and their number in each row."""
     start, end, radius = capsules
-    bounds = capsule_bounds(capsules)
-    near = np.zeros(len(left), dtype=np.int64)
-    for i in range(len(left)):
-        west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
-        south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
-        for h in range(len(start)):
-            near[i] += intersects(bounds, h, west, south, east, north)
-    most = near.max() if len(near) else 0
-    intervals = np.zeros((len(left), most + 1, 2))
-    count = np.zeros(len(left), dtype=np.int64)
-    covered = np.empty((most, 2))
+    boxes = capsule_bounds(Capsules(left, right, np.zeros(len(left))))
+    first, near = boxes_met(capsule_bounds(capsules), boxes)
+    # All intervals one after the other: few sections have many.
+    every, begin = np.empty((len(near) + len(left), 2)), 0
+    count, covered = np.zeros(len(left), dtype=np.int64), np.empty((len(near), 2))
     for i in range(len(left)):
         found = 0
-        west, east = min(left[i, 0], right[i, 0]), max(left[i, 0], right[i, 0])
-        south, north = min(left[i, 1], right[i, 1]), max(left[i, 1], right[i, 1])
-        for h in range(len(start)):
-            if not intersects(bounds, h, west, south, east, north):
-                continue
-            section = Segment(left[i, 0], left[i, 1], right[i, 0], right[i, 1])
+        section = Segment(left[i, 0], left[i, 1], right[i, 0], right[i, 1])
+        for h in near[first[i] : first[i + 1]]:
             axis = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
             enter, leave = capsule_interval(section, axis, radius[h])
             if enter < leave:
@@ -171,12 +161,20 @@ def intervals_outside(
         behind = 0.0
         for h in range(found):
             if covered[h, 0] - behind > _SLIVER:
-                intervals[i, count[i], 0], intervals[i, count[i], 1] = behind, covered[h, 0]
+                every[begin + count[i], 0], every[begin + count[i], 1] = behind, covered[h, 0]
                 count[i] += 1
             behind = max(behind, covered[h, 1])
         if 1.0 - behind > _SLIVER:
-            intervals[i, count[i], 0], intervals[i, count[i], 1] = behind, 1.0
+            every[begin + count[i], 0], every[begin + count[i], 1] = behind, 1.0
             count[i] += 1
+        begin += count[i]
+    most = 1
+    for number in count:
+        most = max(most, number)
+    intervals, begin = np.zeros((len(left), most, 2)), 0
+    for i in range(len(left)):
+        intervals[i, : count[i]] = every[begin : begin + count[i]]
+        begin += count[i]
     return intervals, count
 
 

@@ -81,18 +81,19 @@ def _with_room(
     if not len(middles):
         return padded
     tree, reach = shapely.STRtree(middles), float(padded.padding.max()) / _SHARE
-    pieces = padded
-    for _ in range(_HALVINGS):
+    pieces, found = padded, list[tuple[PaddedEdges, FloatArray]]()
+    for left in reversed(range(_HALVINGS + 1)):
         apart = distances_from(pieces, tree, reach)
         length = np.linalg.norm(pieces.end - pieces.start, axis=1)
-        is_long = length > np.maximum(_PIECE * apart, 2 * slack)
+        is_long = (length > np.maximum(_PIECE * apart, 2 * slack)) & (left > 0)
+        found.append((pieces.select(~is_long), apart[~is_long]))
         if not is_long.any():
             break
         long = pieces.select(is_long)
         middle = (long.start + long.end) / 2
-        halves = replace(long, end=middle), replace(long, start=middle)
-        pieces = PaddedEdges.stacked([pieces.select(~is_long), *halves])
-    apart = distances_from(pieces, tree, reach)
+        pieces = PaddedEdges.stacked([replace(long, end=middle), replace(long, start=middle)])
+    pieces = PaddedEdges.stacked([short for short, _ in found])
+    apart = np.concatenate([distance for _, distance in found])
     # Paths keep off padding by the slack. Where there is less room, padding is below 0 by a part of
     # it, which counts as none.
     room = np.maximum(apart - 3 * slack, apart / 2 - slack)

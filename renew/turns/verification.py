@@ -23,6 +23,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField, CurrentStatistics, TabulatedCurrent
 from renew.kernels.capsules import (
+    distances_within,
     nearest_on_segments,
     segment_distance,
     segments_near,
@@ -270,7 +271,8 @@ class _Near(NamedTuple):
         if len(crossing := np.unique(row[room < 0])):
             deep = np.zeros(len(close))
             tracks = turns[crossing].reshape(-1, *turns.shape[2:])
-            deep[crossing] = _depths(tracks, chart).reshape(len(crossing), -1).max(axis=1)
+            depths = _depths(tracks, chart, self.furthest.max())
+            deep[crossing] = depths.reshape(len(crossing), -1).max(axis=1)
             room = np.where(room < 0, -deep[row], room)
         room -= margin
         apart = segment_distance(self.points[close][row], start[near], end[near])
@@ -320,7 +322,8 @@ class _Near(NamedTuple):
         for lines in (turns, _between(turns)) if is_fitted else (turns,):
             line, edge = tracks_touch(lines, bounds, near, start, end, radius)
             hit, back = np.unique(line, return_inverse=True)
-            depths = _depths(lines.reshape(-1, *lines.shape[2:])[hit], chart)[back]
+            tracks = lines.reshape(-1, *lines.shape[2:])[hit]
+            depths = _depths(tracks, chart, self.furthest.max())[back]
             edges.append(self.padded.edge[edge])
             lacking.append(_OVERSHOOT * depths + 2 * margin)
         touched = np.concatenate(edges)
@@ -395,17 +398,12 @@ def _max_offset(
     return _ELSEWHERE * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
 
 
-def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
-    """Return how deep each track (n, steps, 2) goes into the no-go zone (n,), m."""
+def _depths(tracks: FloatArray, chart: Chart, most: float) -> FloatArray:
+    """Return how deep each track (n, steps, 2) goes into the no-go zone (n,), up to `most` m."""
     points = tracks.reshape(-1, 2)
     inside = shapely.contains_xy(chart.hard_no_go, points)
     depth = np.zeros(len(points))
-    if inside.any():
-        # Much quicker than the distance to the whole boundary.
-        found, apart = chart.shore_tree.query_nearest(
-            shapely.points(points[inside]), return_distance=True, all_matches=False
-        )
-        depth[np.flatnonzero(inside)[found[0]]] = apart
+    depth[inside] = np.minimum(distances_within(points[inside], most, *chart.shore), most)
     return np.asarray(depth.reshape(tracks.shape[:2]).max(axis=1))
 
 
