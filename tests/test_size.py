@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_103, 12),
     "pipeline/cli": (2_558, 6),
     "pipeline/findings": (3_896, 18),
-    "pipeline/formats": (7_662, 14),
+    "pipeline/formats": (7_664, 14),
     "pipeline/geo": (849, 4),
     "pipeline/machine": (1_593, 10),
     "pipeline/model": (1_520, 37),
