@@ -200,10 +200,12 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, place: Point, sn
             projection.geometry_to_plane(region), projection.geometry_to_plane(land)
         )
     except renew.GeometryError:
-        remedy = _remedy(source, lon, lat) or f"move it into water{lakes_text(scenario.chart)}"
+        remedy = f"move it into water{lakes_text(scenario.chart)}"
+        if scenario.chart.no_go == "land":
+            remedy = _remedy(source, lon, lat) or remedy
         return (
-            f"{name} = {[lon, lat]} lies on land, more than {_LOOK_M / 1000:.0f} km from the "
-            f"nearest water; {remedy}"
+            f"{name} = {[lon, lat]} lies on {scenario.chart.no_go}, more than "
+            f"{_LOOK_M / 1000:.0f} km from the nearest water; {remedy}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
     if snap_m and shapely.distance(chart.water, here) * projection.scale <= snap_m:

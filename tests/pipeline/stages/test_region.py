@@ -32,6 +32,7 @@ from pipeline.stages.region import (
     uncovered_seasons,
 )
 from pipeline.stages.water_grid import DirectLine
+from tests.pipeline.sources.depth_grids import gebco
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.true_scale import GEOD
 
@@ -249,6 +250,21 @@ def test_the_nearest_water_lies_in_an_inlet_where_less_room_may_be_kept(
     place = re.search(r"with a way out at \[([\d.]+), ", fault)
     assert place is not None
     assert float(place[1]) == pytest.approx(longitude, abs=0.002)
+
+
+def test_shallow_water_is_not_called_land_nor_its_coordinates_swapped(
+    chart: Path, tmp_path: Path
+) -> None:
+    table = scenario(WATER, (29.8, 10.4), chart).model_dump(mode="json")
+    table["vessel"] |= {"draught_m": 30.0}
+    axis = np.arange(0.0, 1.3, 0.05)
+    bank = gebco(tmp_path / "bank.nc", 29.2 + axis, 9.9 + axis, np.full((26, 26), -20.0))
+    table["chart"]["depths"] = str(bank)
+    faults = endpoints_on_land(Scenario.model_validate(table))
+    assert len(faults) == 2
+    for fault in faults:
+        assert "lies on land, or water too shallow for the vessel or not charted" in fault
+        assert "did you mean" not in fault
 
 
 def test_swapped_coordinates_are_recognised_far_inland_only(chart: Path) -> None:
