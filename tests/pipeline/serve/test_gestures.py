@@ -74,13 +74,13 @@ def test_a_line_is_pulled_to_a_point_which_its_pin_removes(
     expect(field).to_have_count(0)
     expect(page.locator(".pin")).to_have_count(2)
     page.wait_for_url(re.compile(planned["id"]))
-    server.ended(answer.value.json()["id"])  # other tests look at what is in the folder
 
 
 def test_changes_are_undone_and_all_is_cleared(open_page: Open, planned: dict[str, Any]) -> None:
     page = shown(open_page, planned)
     pull(page, middle(pin(page, "Goal")), (0, -30))
     expect(page.locator("#goal")).not_to_have_value(VOYAGE["goal"])
+    page.wait_for_url(lambda url: planned["id"] not in url)  # it is being planned
     page.keyboard.press("Control+z")
     expect(page.locator("#goal")).to_have_value(VOYAGE["goal"])
     page.wait_for_url(re.compile(planned["id"]))
