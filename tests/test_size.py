@@ -27,7 +27,7 @@ ROOMS = {
     "pipeline/scenario": (2_280, 40),
     "pipeline/serve": (1_721, 9),
     "pipeline/sources": (10_191, 46),
-    "pipeline/stages": (5_472, 15),
+    "pipeline/stages": (5_474, 15),
     "pipeline/voyage": (2_157, 9),
     "renew/bounds": (1_604, 8),
     "renew/classes": (2_440, 14),
