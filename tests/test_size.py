@@ -18,7 +18,7 @@ ROOMS = {
     "renew": (1_505, 29),
     "pipeline": (1_103, 12),
     "pipeline/cli": (2_558, 6),
-    "pipeline/findings": (3_896, 18),
+    "pipeline/findings": (3_902, 18),
     "pipeline/formats": (7_662, 14),
     "pipeline/geo": (849, 4),
     "pipeline/machine": (1_593, 10),
