@@ -69,9 +69,11 @@ class GivenRoute:
     @property
     def ends(self) -> tuple[str, str]:
         """Its ends as positions that have one meaning."""
+        ends = self.lonlat[[0, -1]]
+        ends[:, 0] = (ends[:, 0] + 180) % 360 - 180
         start, goal = (
             f"{abs(lat):.8f}{'NS'[lat < 0]} {abs(lon):.8f}{'EW'[lon < 0]}"
-            for lon, lat in ((self.lonlat[[0, -1]] + [180, 0]) % [360, 360] - [180, 0]).tolist()
+            for lon, lat in ends.tolist()
         )
         return start, goal
 

@@ -17,6 +17,7 @@ from pipeline.cli.main import app
 from pipeline.errors import RequestError
 from pipeline.run import Outcome
 from pipeline.voyage.one_line import go
+from pipeline.voyage.positions import read_position
 from pipeline.voyage.route_file import read_route
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, write_tide
 from tests.true_scale import GEOD
@@ -150,6 +151,17 @@ def test_what_is_no_route_says_why(
         (tmp_path / name).write_text(content)
     with pytest.raises(RequestError, match=f"^FILE: .*{name} .*{why}"):
         read_route(tmp_path / name)
+
+
+@pytest.mark.parametrize("lat", [-89.5, -17.0, 0.0, 60.25])
+@pytest.mark.parametrize("lon", [-179.5, -30.0, 0.0, 150.0, 190.0])
+def test_the_ends_of_a_route_are_read_as_they_are(tmp_path: Path, lon: float, lat: float) -> None:
+    places = [(lon, lat), (lon + 0.5, lat + 0.5)]
+    line = shapely.to_geojson(shapely.LineString(places))
+    (tmp_path / "a.geojson").write_text(line)
+    for end, (x, y) in zip(read_route(tmp_path / "a.geojson").ends, places, strict=True):
+        read = read_position(end)
+        assert ((read.lon - x) % 360, read.lat) == (0, y)
 
 
 def test_a_line_across_180_degrees_is_one(tmp_path: Path) -> None:
