@@ -44,6 +44,7 @@ _MACHINE = {
     "some, or raise the limit of this job (ulimit -v)",
     r"timestamp (too large|out of range)|timestamps before 1980": "this machine's clock gives no "
     "usable date: set it, and run again",
+    r"No space left|quota exceeded": "no space is left for what is written: free some",
 }
 _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input can cause it"
 

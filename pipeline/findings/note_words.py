@@ -100,6 +100,7 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "moment": text.moment_text,
     "number": text.number,
     "percent": text.percent,
+    "part": text.part,
     "share": text.share,
 }
 

@@ -174,6 +174,11 @@ def percent(share: float, digits: int = 1) -> str:
     return f"{100 * share:.{digits}f} %" if math.isfinite(share) else ABSENT
 
 
+def part(share: float) -> str:
+    """Format a share of a way: 2.3 %, or none, so that nobody looks for a part that is not."""
+    return percent(share) if share else "none"
+
+
 def at_least_percent(share: float) -> str:
     """Format a share as a percentage, rounded down: at least 2.3 %."""
     return percent(rounded_down(100 * share, 1) / 100)

@@ -1,5 +1,6 @@
 """The area of a scenario: its region or plane, the chart of its land, and areas to avoid."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -131,6 +132,14 @@ class ChartSource(_VectorKeys):
             )
         return self
 
+    @property
+    def is_s57(self) -> bool:
+        """Whether its path is an S-57 cell, or a folder of them."""
+        path = Path(self.path)
+        return bool(self.path) and (
+            path.suffix == ".000" or (path.is_dir() and path.suffix != ".gdb")
+        )
+
 
 def _as_sources(given: object) -> object:
     """Turn one source into a list of one, and a text into a source by its name or path."""
@@ -158,6 +167,12 @@ class ChartSpec(StrictModel):
     datum: str = ""
     margin_m: NonNegative | None = None
     tolerance_m: NonNegative | None = None
+
+    @property
+    def no_go(self) -> str:
+        """What a place that is not in water may lie on: on a chart with depths also in shallows."""
+        has_depths = self.depths or any(source.is_s57 for source in self.source)
+        return "land, or water too shallow for the vessel or not charted" if has_depths else "land"
 
 
 class AvoidedArea(_VectorKeys):

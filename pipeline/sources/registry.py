@@ -100,13 +100,12 @@ def _single_source(
         )
     path = Path(source.path)
     require_readable([path], "chart.source")
-    is_s57 = path.suffix == ".000" or (path.is_dir() and path.suffix != ".gdb")
-    if entry is not None and is_s57 != (entry.adapter == "s57"):
-        found = "S-57 cells" if is_s57 else "a vector file"
+    if entry is not None and source.is_s57 != (entry.adapter == "s57"):
+        found = "S-57 cells" if source.is_s57 else "a vector file"
         raise RequestError(
             f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"
         )
-    if is_s57:
+    if source.is_s57:
         from pipeline.sources.land.s57 import S57Chart, find_cells
 
         find_cells(path)  # a folder without cells is refused before a missing draught

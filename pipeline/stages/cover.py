@@ -61,10 +61,9 @@ def _misplaced(scenario: Scenario, water: Water, place: Place) -> str:
         return ""
     line = shapely.get_coordinates(shapely.shortest_line(here, chart.water))
     metres = water.projection.geodesic_length_m(line)
-    obstacle = "land or water too shallow for the vessel" if scenario.chart.depths else "land"
     return (
-        f"lies on {obstacle} or within the margin around it, {metres:.0f} m from the nearest "
-        f"water at {water.place_text(line[-1])}; move it there"
+        f"lies on {scenario.chart.no_go}, or within the margin around it, {metres:.0f} m from the "
+        f"nearest water at {water.place_text(line[-1])}; move it there"
     )
 
 

@@ -109,14 +109,14 @@ def not_in_water(
     chart, width = chart_water.chart, _room(scenario) + margin_m / chart_water.projection.scale
     roomy = _with_room(chart.water, width, chart, wet)
     distance, place = _nearest_water(here, roomy, chart_water)
-    is_planar = chart_water.is_planar
-    obstacle = "land" if is_planar else "land, or within the margin around it"
-    if scenario.chart.depths:
-        obstacle = "land or water too shallow for the vessel, or within the margin around them"
+    no_go, lakes = scenario.chart.no_go, lakes_text(scenario.chart)
+    around = ", or within the margin around it"
+    if chart_water.is_planar:
+        around = lakes = ""
     return (
-        f"{name} = {list(scenario.stops[name])} lies on {obstacle}, {distance} from the "
+        f"{name} = {list(scenario.stops[name])} lies on {no_go}{around}, {distance} from the "
         f"nearest water with a way out at {place}; move it there, or further out if the vessel "
-        f"needs more room to turn{'' if is_planar else lakes_text(scenario.chart)}"
+        f"needs more room to turn{lakes}"
     )
 
 

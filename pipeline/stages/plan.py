@@ -51,6 +51,8 @@ class CaseTask:
         if result is None:
             result = planned(case, self.options, on_step, self.havens)
             save_artefact(self.plan_path, result, self.owner)
+            # As read back it holds nothing of the search, whose roadmaps take most of the memory.
+            result = load_artefact(self.plan_path, CaseResult) or result
         shares = gap_shares(case, result, self.options) if self.explains_gap else None
         worth = clock_worth(case, result, self.options)
         measures = replace(

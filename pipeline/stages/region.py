@@ -200,10 +200,12 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, place: Point, sn
             projection.geometry_to_plane(region), projection.geometry_to_plane(land)
         )
     except renew.GeometryError:
-        remedy = _remedy(source, lon, lat) or f"move it into water{lakes_text(scenario.chart)}"
+        remedy = f"move it into water{lakes_text(scenario.chart)}"
+        if scenario.chart.no_go == "land":
+            remedy = _remedy(source, lon, lat) or remedy
         return (
-            f"{name} = {[lon, lat]} lies on land, more than {_LOOK_M / 1000:.0f} km from the "
-            f"nearest water; {remedy}"
+            f"{name} = {[lon, lat]} lies on {scenario.chart.no_go}, more than "
+            f"{_LOOK_M / 1000:.0f} km from the nearest water; {remedy}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
     if snap_m and shapely.distance(chart.water, here) * projection.scale <= snap_m:
@@ -278,7 +280,7 @@ class ChosenRegion:
 
     def with_line(self, line: FloatArray) -> "ChosenRegion":
         """Return the region, widened by its margin if a line (n, 2), degrees, is near its edge."""
-        if not sides_near(self.bounds, [line], self.direct.margin_m):
+        if not len(line) or not sides_near(self.bounds, [line], self.direct.margin_m):
             return self
         around = rounded_outward(widened_by(bounds_of(line), self.direct.margin_m))
         wider = common_bounds(bounds_of([self.bounds, around]), self.limits) or self.bounds
@@ -328,7 +330,25 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
         ends=_ends_of_currents(chosen, range(len(SIDES))),
         left_out=FAR_WAY if any(leaves_out for _, leaves_out in choices) else 0.0,
     )
-    return replace(chosen, notes=(note,))
+    chosen = replace(chosen, notes=(note,))
+    return chosen.with_line(_havens_in_reach(scenario, bounds, direct.distance_m))
+
+
+def _havens_in_reach(scenario: Scenario, bounds: Bounds, most_m: float) -> FloatArray:
+    """Return a scenario's havens (n, 2), degrees, that a vessel might get to from bounds.
+
+    They are at most `most_m` away, and as far as it gets in still water within the limits.
+    """
+    if (spec := scenario.havens) is None:
+        return np.empty((0, 2))
+    places = np.array([(one.x, one.y) for one in read_havens(Path(spec.path)).values()])
+    low, high = np.array(bounds).reshape(2, 2)
+    places[:, 0] -= 360 * np.round((places[:, 0] - (low[0] + high[0]) / 2) / 360)
+    off = (places - np.clip(places, low, high)) * METRES_PER_DEGREE
+    off[:, 0] *= np.cos(np.radians(places[:, 1]))
+    longest_s = min(filter(None, (spec.within_s, spec.endurance_s)), default=np.inf)
+    reach_m = min(most_m, scenario.fastest_vessel.speed_m_s * longest_s)
+    return np.asarray(places[np.hypot(*off.T) <= reach_m])
 
 
 def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenRegion | None:

@@ -262,7 +262,7 @@ def checked_lines(one: CheckedRoute, route: GivenRoute) -> Iterator[str]:
         place = Place(row.adrift_lon, row.adrift_lat)
         yield (
             f"WITHOUT THRUST ashore in {text.duration(row.adrift_s)} from {place.text}; within 6 h "
-            f"from {text.percent(row.adrift_share)} of the way"
+            f"from {text.part(row.adrift_share)} of the way"
         )
     yield from _compared(one)
 

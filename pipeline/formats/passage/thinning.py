@@ -67,7 +67,9 @@ def _with_corners(path: Candidates, corridor: SafeCorridor) -> tuple[Candidates,
     """
     legs = np.diff(path.xy, axis=0)
     course = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
-    before, after = np.triu_indices(len(legs), 1)
+    # A via point where one part of a path ends and the next begins is there twice.
+    moving = np.flatnonzero(legs.any(axis=1))
+    before, after = moving[np.stack(np.triu_indices(len(moving), 1))]
     turn = course[after] - course[before]
     bend = (np.abs(turn) > _MIN_BEND_RAD) & (np.abs(turn) < np.pi / 2)
     before, after = before[bend], after[bend]

@@ -282,12 +282,13 @@ def _library_that_does_not_fit() -> None:
     [
         (lambda: np.empty(1 << 60, np.int8), "the memory ran out"),
         (lambda: [0] * (1 << 60), "the memory ran out"),
+        (lambda: Path("/dev/full").write_text("an answer that is piped into a file"), "no space"),
         (_library_that_does_not_fit, "the memory ran out"),
         (_zip_of_1975, "this machine's clock"),
         (lambda: time.sleep(1e300), "this machine's clock"),
     ],
 )
-def test_memory_and_clock_are_named(
+def test_memory_clock_and_space_are_named(
     fail: Callable[[], object], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(typer.Exit) as caught, reported_errors():

@@ -65,6 +65,8 @@ NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
         (texts.speed_range(2.57222, 2.57222), ("2.57222", "2.57222")),
         (texts.days(100_000), ""),
         (texts.percent(0.0234), "2.3 %"),
+        (texts.part(0.0234), "2.3 %"),
+        (texts.part(0.0), "none"),
         (texts.plain(1000.0), "1,000"),
         (texts.plain(0.5), "0.5"),
         (texts.moment_text(NOON - SECONDS), "2026-11-22 12:00 UTC"),

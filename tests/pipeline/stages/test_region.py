@@ -14,6 +14,7 @@ import xarray as xr
 from shapely import Polygon, box
 
 from pipeline.errors import RequestError
+from pipeline.machine.store import Store
 from pipeline.run import Outcome, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
@@ -21,6 +22,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.stages.region import (
     SIDES,
+    chosen_region,
     covered_by_currents,
     endpoints_on_land,
     grown,
@@ -30,6 +32,7 @@ from pipeline.stages.region import (
     uncovered_seasons,
 )
 from pipeline.stages.water_grid import DirectLine
+from tests.pipeline.sources.depth_grids import gebco
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.true_scale import GEOD
 
@@ -73,6 +76,23 @@ def test_sides_move_outward_as_far_as_the_limits_allow() -> None:
     assert grown(BOUNDS, [0, 3], MARGIN_M, (9.9, 40, 20, 51.0)) == (9.9, 50.0, 12.0, 51.0)
     assert grown(BOUNDS, [0], MARGIN_M, (9.99, 40, 20, 51.0)) == BOUNDS
     assert grown(BOUNDS, [], MARGIN_M, WORLD) == BOUNDS
+
+
+def test_a_chosen_region_holds_the_havens_that_can_be_reached(tmp_path: Path) -> None:
+    # In open water across 180 degrees: 37 km at 2 m/s, with 2 hours, or 14.4 km, to a haven.
+    start, goal = (179.8, -40.0), (180.235, -40.0)
+    near_by, too_far = (GEOD.fwd(180, -40, 180, 1000 * km)[:2] for km in (12.0, 25.0))
+    (tmp_path / "havens.csv").write_text(
+        f"name,lon,lat\nnear,{near_by[0]},{near_by[1]}\nfar,{too_far[0]},{too_far[1]}\n"
+    )
+    vessel = {"length_m": 5.0, "speed_m_s": 2.0, "turn_rate_deg_s": 10.0}
+    table = {"schema_version": 1, "name": "pacific", "vessel": vessel, "start": start, "goal": goal}
+    still = [{"name": "still", "valid": "2024-07", "currents": ["still"]}]
+    about = {"seasons": still, "havens": {"path": "havens.csv", "within": "2h"}}
+    scenario = parse_scenario(table | about, tmp_path)
+    _, south, east, _ = chosen_region(scenario, Store(tmp_path), offline=True).bounds
+    assert too_far[1] < south < near_by[1]
+    assert 180.235 < east < 181
 
 
 # --- What the currents of a voyage cover ---
@@ -230,6 +250,21 @@ def test_the_nearest_water_lies_in_an_inlet_where_less_room_may_be_kept(
     place = re.search(r"with a way out at \[([\d.]+), ", fault)
     assert place is not None
     assert float(place[1]) == pytest.approx(longitude, abs=0.002)
+
+
+def test_shallow_water_is_not_called_land_nor_its_coordinates_swapped(
+    chart: Path, tmp_path: Path
+) -> None:
+    table = scenario(WATER, (29.8, 10.4), chart).model_dump(mode="json")
+    table["vessel"] |= {"draught_m": 30.0}
+    axis = np.arange(0.0, 1.3, 0.05)
+    bank = gebco(tmp_path / "bank.nc", 29.2 + axis, 9.9 + axis, np.full((26, 26), -20.0))
+    table["chart"]["depths"] = str(bank)
+    faults = endpoints_on_land(Scenario.model_validate(table))
+    assert len(faults) == 2
+    for fault in faults:
+        assert "lies on land, or water too shallow for the vessel or not charted" in fault
+        assert "did you mean" not in fault
 
 
 def test_swapped_coordinates_are_recognised_far_inland_only(chart: Path) -> None:

@@ -86,7 +86,7 @@ def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
             output=tmp_path / "outputs", snap_m=0.0,
         )  # fmt: skip
     (fault,) = caught.value.faults
-    assert fault.startswith("start = [-40.005, 35.03] lies on land or water too shallow")
+    assert fault.startswith("start = [-40.005, 35.03] lies on land, or water too shallow")
     place = re.search(r"nearest water with a way out at \[(.*), (.*)\]; move it there", fault)
     assert place is not None
     here = shapely.Point(*map(float, place.groups()))

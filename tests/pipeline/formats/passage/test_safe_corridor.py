@@ -377,6 +377,15 @@ def cheapest_of_all(
     return float(least[own[-1]])
 
 
+def test_a_point_that_is_there_twice_makes_no_corner_and_no_warning() -> None:
+    once = np.array([[0.0, 0.0], [50.0, 0.0], [100.0, 40.0]])
+    free, none = shapely.box(-10, -10, 200, 200), shapely.Polygon()
+    for path in (once, once[[0, 1, 1, 2]]):
+        corridor = SafeCorridor(path, free, none, 5.0, free, 0, len(path) - 1, 0.1)
+        candidates, _ = with_candidates(Candidates(path, metres_along(path)), corridor)
+        assert np.array_equal(np.unique(candidates.xy, axis=0), once)
+
+
 def test_no_chain_is_cheaper_and_few_legs_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     looked_at, pairs, compared = 0, 0, 0
     drawn = Drawing.lines
