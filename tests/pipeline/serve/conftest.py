@@ -60,7 +60,7 @@ def open_page(browser: Browser, server: Server) -> Iterator[Open]:
             "request",
             lambda sent: None if sent.url.startswith((own, "data:")) else faults.append(sent.url),
         )
-        # Waters that are prepared while a form is filled in would keep both workers from other tests.
+        # What is prepared while a form is filled in would keep the workers from other tests.
         page.route("**/api/prepare", lambda route: route.fulfill(status=204))
         page.goto(f"{server.address}#{fragment}")
         assert page.url.partition("#")[0] == own  # the token is in no history
