@@ -60,6 +60,8 @@ def open_page(browser: Browser, server: Server) -> Iterator[Open]:
             "request",
             lambda sent: None if sent.url.startswith((own, "data:")) else faults.append(sent.url),
         )
+        # What is prepared while a form is filled in would keep the workers from other tests.
+        page.route("**/api/prepare", lambda route: route.fulfill(status=204))
         page.goto(f"{server.address}#{fragment}")
         assert page.url.partition("#")[0] == own  # the token is in no history
         page.wait_for_selector("html[data-ready]", state="attached")

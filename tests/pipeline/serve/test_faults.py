@@ -51,6 +51,7 @@ def test_half_sent_requests_keep_nobody_out(server: Server) -> None:
                 assert time.monotonic() - begun < 5
 
 
+@pytest.mark.slow
 def test_a_request_whose_head_does_not_come_is_closed(hasty: Server) -> None:
     with socket.create_connection(("127.0.0.1", hasty.port)) as connection:
         connection.settimeout(30)
