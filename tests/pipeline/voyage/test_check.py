@@ -153,6 +153,15 @@ def test_what_is_no_route_says_why(
         read_route(tmp_path / name)
 
 
+def test_a_season_that_could_not_be_checked_is_named_and_counts(
+    folder: Path, planned: Outcome
+) -> None:
+    file = next(planned.directory.glob("*.geojson"))
+    result = checked(folder, file, "--month", "2026-11", "--month", "2026-12")
+    assert "2026-12' was not checked" in result.stdout
+    assert result.exit_code == 1
+
+
 def test_the_times_of_a_track_are_those_that_the_file_states(tmp_path: Path) -> None:
     points = (
         f"<trkpt lat='-17' lon='{lon}'><time>2026-11-22T0{lon - 170}:00:00{zone}</time></trkpt>"
