@@ -28,7 +28,7 @@ def print_check(
     *,
     as_json: bool,
 ) -> None:
-    """Print what was found; end with code 1 if it crosses land or a shut area, or a season fails."""
+    """Print what was found; end with 1 if it crosses land or a shut area, or a season failed."""
     if as_json:
         answer = [_json(one, route, departure) for one in found]
         content = {"route": route.name, "form": route.form, "seasons": answer, **caveats_json(run)}
