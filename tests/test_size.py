@@ -17,10 +17,10 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_505, 29),
     "pipeline": (1_103, 12),
-    "pipeline/cli": (2_559, 6),
+    "pipeline/cli": (2_560, 6),
     "pipeline/findings": (3_902, 18),
     "pipeline/formats": (7_664, 14),
-    "pipeline/geo": (849, 4),
+    "pipeline/geo": (850, 4),
     "pipeline/machine": (1_593, 10),
     "pipeline/model": (1_520, 37),
     "pipeline/nightly": (3_426, 28),

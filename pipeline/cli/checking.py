@@ -28,7 +28,7 @@ def print_check(
     *,
     as_json: bool,
 ) -> None:
-    """Print what was found, and end with code 1 if the route crosses land or a shut area."""
+    """Print what was found; end with 1 if it crosses land or a shut area, or a season failed."""
     if as_json:
         answer = [_json(one, route, departure) for one in found]
         content = {"route": route.name, "form": route.form, "seasons": answer, **caveats_json(run)}
@@ -42,7 +42,8 @@ def print_check(
         ):
             if notes:
                 typer.echo("\n".join(["", title, *(f"- {line}" for line in note_texts(notes))]))
-    raise typer.Exit(1 if any(one.crossed or one.shut for one in found) else 0)
+    is_whole = not run.fetched.failures
+    raise typer.Exit(0 if is_whole and not any(one.crossed or one.shut for one in found) else 1)
 
 
 def _lines(one: CheckedRoute, route: GivenRoute, departure: datetime | None) -> Iterator[str]:

@@ -177,7 +177,7 @@ def check_route(
 
     Beside it stand the least-fuel route of its own side, and the best of all. A departure that is
     left out is the one that the file states. Exits with 1 if the route crosses land or a
-    shut area.
+    shut area, or a season could not be checked.
     """
     with reported_errors():
         from pipeline.cli.checking import print_check

@@ -330,7 +330,8 @@ def shore_to_shore(land: Geometries, gap: FloatArray, reach: float) -> FloatArra
     for bank, outwards in zip(gap, (-deep * along, deep * along), strict=True):
         corners = [middle - aside, middle + aside, middle + aside + outwards]
         beside = shapely.Polygon([*corners, middle - aside + outwards])
-        near = land[shapely.box(*beside.bounds).intersects(land)]
+        # Other land may lie on both sides of the middle, with no width between.
+        near = land[shapely.dwithin(land, shapely.Point(bank), reach)]
         shore = shapely.union_all(shapely.intersection(near, beside))
         if not shore.distance(shapely.Point(bank)) <= reach:
             return None

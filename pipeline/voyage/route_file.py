@@ -161,20 +161,20 @@ def _of_xml(content: bytes) -> Iterator[GivenRoute]:
         yield _of_rtz(root)
         return
     gpx = gpxpy.parse(etree.tostring(root, encoding="unicode"))
-    for route in gpx.routes:
-        curve = curve_for(
-            np.array([(one.longitude, one.latitude) for one in route.points] or [(0, 0)])
-        )
+    drawn: list[tuple[Any, str, list[Any]]] = [
+        *((one, "GPX route", one.points) for one in gpx.routes),
+        *((one, "GPX track", [*one.walk(only_points=True)]) for one in gpx.tracks),
+    ]
+    for line, form, places in drawn:
+        lonlat = np.array([(one.longitude, one.latitude) for one in places] or [(0, 0)])
+        curve = curve_for(lonlat) if form == "GPX route" else None
         points = (
             RoutePoint(
                 one.longitude, one.latitude, clean(str(one.name or "")), _utc(one.time), curve
             )
-            for one in route.points
+            for one in places
         )
-        yield GivenRoute(str(route.name or ""), "GPX route", tuple(points))
-    for track in gpx.tracks:
-        places = [point for segment in track.segments for point in segment.points]
-        yield _line(track.name, "GPX track", ((one.longitude, one.latitude) for one in places))
+        yield GivenRoute(str(line.name or ""), form, tuple(points))
 
 
 def _of_rtz(root: Any) -> GivenRoute:  # noqa: ANN401 - lxml has no types

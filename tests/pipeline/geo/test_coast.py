@@ -323,6 +323,15 @@ def test_among_many_islets_the_way_passes_the_widest_gate_that_joins_the_ends(se
     assert [gate.length for gate in crossed if gate.length < width - 1e-3] == []
 
 
+def test_an_island_beside_a_gap_is_no_shore_of_it() -> None:
+    west, east = shapely.box(0, 0, 10, 9), shapely.box(90, 0, 99, 9)
+    gap = np.array([[11.0, 4.0], [89.0, 5.0]])
+    for others in ([], [shapely.box(45, 20, 55, 30)]):
+        shores = shore_to_shore(np.array([west, east, *others]), gap, 2.0)
+        assert shores is not None
+        assert np.linalg.norm(shores[1] - shores[0]) == pytest.approx(80.0)
+
+
 @settings(max_examples=20)
 @given(
     corners=st.lists(st.tuples(st.floats(0, 900), st.floats(0, 900)), min_size=8, max_size=8),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +151,30 @@ def test_what_is_no_route_says_why(
         (tmp_path / name).write_text(content)
     with pytest.raises(RequestError, match=f"^FILE: .*{name} .*{why}"):
         read_route(tmp_path / name)
+
+
+def test_a_season_that_could_not_be_checked_is_named_and_counts(
+    folder: Path, planned: Outcome
+) -> None:
+    file = next(planned.directory.glob("*.geojson"))
+    result = checked(folder, file, "--month", "2026-11", "--month", "2026-12")
+    assert "2026-12' was not checked" in result.stdout
+    assert result.exit_code == 1
+
+
+def test_the_times_of_a_track_are_those_that_the_file_states(tmp_path: Path) -> None:
+    points = (
+        f"<trkpt lat='-17' lon='{lon}'><time>2026-11-22T0{lon - 170}:00:00{zone}</time></trkpt>"
+        for lon, zone in ((176, "Z"), (177, ""), (178, "+01:00"))
+    )
+    (tmp_path / "a.gpx").write_text(
+        f"<gpx version='1.1'><trk><trkseg>{''.join(points)}</trkseg></trk></gpx>"
+    )
+    route = read_route(tmp_path / "a.gpx")
+    assert [point.time for point in route.points] == [
+        datetime(2026, 11, 22, hour, tzinfo=UTC) for hour in (6, 7, 7)
+    ]
+    assert not route.is_by_legs
 
 
 @pytest.mark.parametrize("lat", [-89.5, -17.0, 0.0, 60.25])
