@@ -126,10 +126,8 @@ def test_a_second_night_sails_the_first_ones_routes_again(
     assert (output / "latest").resolve().name == "2026-11-22T00Z"
 
 
-@pytest.mark.parametrize("nights", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_changing_currents_are_sailed_by_each_cases_own_clock(
-    tmp_path: Path, cluster: str, nights: int
-) -> None:
+@pytest.mark.slow
+def test_changing_currents_are_sailed_by_each_cases_own_clock(tmp_path: Path, cluster: str) -> None:
     """Each case equals a run of the season from its departure, and so does yesterday's route."""
     output, forecast = tmp_path / "out", tmp_path / "currents" / "m1.nc"
     file = region_night(tmp_path)
@@ -141,10 +139,9 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(
     assert run_night(load_config(file, output), scheduler=cluster).exit_code == 0
     first = rows(output)
     assert first[0]["fuel"] != pytest.approx(first[1]["fuel"], rel=1e-4)
-    if nights > 1:
-        write_forecast(forecast, REFERENCE + timedelta(days=1), seed=7, changes=True)
-        run_night(load_config(file, output), scheduler=cluster)
-    for yesterday, case in [*zip(first, rows(output), strict=True)][-nights:]:
+    write_forecast(forecast, REFERENCE + timedelta(days=1), seed=7, changes=True)
+    run_night(load_config(file, output), scheduler=cluster)
+    for yesterday, case in zip(first, rows(output), strict=True):
         leaves = case["leaves"].isoformat()
         own = text.replace('["still"]', f'["{forecast}"]\ndeparture = {leaves}')
         scenario.write_text(own)
@@ -161,8 +158,6 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(
             assert row["side"] == route.metrics.main_passage
             lonlat = result.water.projection.to_lonlat(route.route.path)
             assert shapely.from_wkb(row["geometry"]) == shapely.LineString(lonlat)
-        if nights == 1:
-            continue
         path = shapely.get_coordinates(shapely.from_wkb(yesterday["geometry"]))
         kept = renew.fuel(
             result.water.projection.to_plane(path),

@@ -207,6 +207,7 @@ def test_a_plan_that_ended_is_not_cancelled(server: Server, planned: dict[str, A
     assert server.ask("DELETE", f"/api/plan/{planned['id']}").json["state"] == "done"
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_fails_its_plan_alone(server: Server) -> None:
     identity = server.begin({**LONG, "goal": "116.82,7.70"})
     wait_until(lambda: running(server, identity))
