@@ -170,7 +170,7 @@ def intervals_outside(
         begin += count[i]
     most = 1
     for number in count:
-        most = max(most, number)
+        most = max(most, int(number))
     intervals, begin = np.zeros((len(left), most, 2)), 0
     for i in range(len(left)):
         intervals[i, : count[i]] = every[begin : begin + count[i]]

@@ -32,24 +32,19 @@ LAW = {"coefficient": 6.0, "exponent": 3.0, "hotel_w": 250.0}
 WATTS = 6 * 125 + 250
 
 
-def scenario(folder: Path, **power: object) -> Scenario:
-    """The voyage of `sailing` in still water, of a vessel with a power."""
+def scenario(folder: Path, havens: dict[str, str] | None = None, **power: object) -> Scenario:
+    """The voyage of `sailing` in still water, of a vessel with a power; with limits of havens."""
     table = load_scenario(str(sailing.scenario_file(folder))).model_dump(
         mode="json", exclude_defaults=True
     )
     departure = tidal_run.DEPARTURE.isoformat()
     table["seasons"] = [{"name": "calm", "currents": ["still"], "departure": departure}]
     table["vessel"] = FIGURES | {"power": {**LAW, **power}}
+    if havens is not None:
+        file = folder / "havens.csv"
+        file.write_text("name,lon,lat\nWest,119.015,9.515\nEast,119.085,9.545\n")
+        table["havens"] = {"path": str(file), **havens}
     return parse_scenario(table)
-
-
-def with_havens(folder: Path, endurance: str | None = None, **power: object) -> Scenario:
-    """The same voyage, with havens."""
-    file = folder / "havens.csv"
-    file.write_text("name,lon,lat\nWest,119.015,9.515\nEast,119.085,9.545\n")
-    table = scenario(folder, **power).model_dump(mode="json", exclude_defaults=True)
-    limits = {"endurance": endurance} if endurance else {}
-    return parse_scenario({**table, "havens": {"path": str(file), **limits}})
 
 
 @pytest.fixture(scope="module")
@@ -89,11 +84,11 @@ def test_each_waypoint_says_what_is_left(outcome: Outcome) -> None:
 @pytest.mark.slow
 def test_havens_count_on_the_battery(tmp_path: Path) -> None:
     """As an endurance of that many hours does."""
-    asked = with_havens(tmp_path, battery_wh=1500.0, reserve=0.2)
+    asked = scenario(tmp_path, {}, battery_wh=1500.0, reserve=0.2)
     case = run(asked, tmp_path / "outputs", offline=True).result.case("calm")
     assert "with what is on board" in haven_facts(case)[0]
     assert any(row.get("fuel", "").endswith("Wh") for row in printed_rows(case))
-    asked = with_havens(tmp_path, f"{60 * 1200 // WATTS}min", battery_wh=9e3)
+    asked = scenario(tmp_path, {"endurance": f"{60 * 1200 // WATTS}min"}, battery_wh=9e3)
     given = run(asked, tmp_path / "outputs", offline=True).result.case("calm")
     assert case.coverage is not None
     assert given.coverage is not None
@@ -104,11 +99,11 @@ def test_havens_count_on_the_battery(tmp_path: Path) -> None:
 def test_too_little_on_board_is_said_and_refused_for_havens(
     outcome: Outcome, tmp_path: Path
 ) -> None:
-    asked = with_havens(tmp_path, tank_l=0.1, wh_per_l=3000.0)
+    asked = scenario(tmp_path, {}, tank_l=0.1, wh_per_l=3000.0)
     with pytest.raises(RequestError, match=r"havens\.endurance = '18.0 min' is below the .*tank"):
         run(asked, tmp_path / "outputs", offline=True)
     with pytest.raises(RequestError, match="or the vessel's battery or tank"):
-        with_havens(tmp_path)
+        scenario(tmp_path, {})
     short = replace(outcome.result.planned["calm"], power=asked.vessel.power)
     best = outcome.result.case("calm").routes[0]
     short_row = replace(best.metrics, energy=short.energy)

@@ -62,8 +62,8 @@ def kept_night(folder: Path, members: str = "{}", departures: int = 1) -> NightC
     """Return a night whose members are the forecasts that it keeps."""
     file = region_night(folder, departures)
     scenario = folder / "region.toml"
-    text = scenario.read_text().replace('["still"]', f'["./tonight.nc"]\nmembers = {members}')
-    scenario.write_text(text)
+    tonight = f'["./tonight.nc"]\nmembers = {members}'
+    scenario.write_text(scenario.read_text().replace('["still"]', tonight))
     text = file.read_text().replace('members = "currents/*.nc"\n', "")
     text = text.replace('"06:00Z", every = "6h"', '"00:00Z", every = "1d"')
     file.write_text(text)

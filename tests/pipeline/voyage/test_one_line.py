@@ -6,9 +6,7 @@ import csv
 import json
 import os
 import re
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -81,32 +79,25 @@ def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
 DEPART = datetime(2024, 7, 2, 6, tzinfo=UTC)
 
 
-@pytest.fixture(scope="module")
-def within_hours(
-    tmp_path_factory: pytest.TempPathFactory, chart: Path, outputs: Path
-) -> Callable[[float], Outcome]:
-    """Give a voyage that has to be made within some hours, planned once."""
+@pytest.mark.slow
+@pytest.mark.usefixtures("plain_report")
+def test_speeds_are_chosen_in_the_current_of_a_month(
+    tmp_path: Path, chart: Path, outputs: Path
+) -> None:
+    """Every file has the speeds and times that are sailed, and less time takes more fuel."""
     field = sea(np.arange(-40.25, -39.7, 0.05), np.arange(34.8, 35.25, 0.05))
-    file = write(tmp_path_factory.mktemp("speeds") / "field.nc", dataset(field))
-
-    @cache
-    def made(hours: float) -> Outcome:
+    file, fuels = write(tmp_path / "field.nc", dataset(field)), list[float]()
+    for hours in (1.0, 0.8):
         by = DEPART + timedelta(hours=hours)
         speeds = {"depart": DEPART, "arrive_by": by, "speed": (1.0, 5.0)}
-        return voyage(chart, outputs, file, name=f"within-{60 * hours:.0f}-minutes", **speeds)
+        outcome = voyage(chart, outputs, file, name=f"within-{60 * hours:.0f}-minutes", **speeds)
+        check_speeds(outcome, by, hours)
+        fuels.append(rows_of(outcome.result)[0].fuel)
+    assert fuels[1] > 1.3 * fuels[0]
 
-    return made
 
-
-@pytest.mark.slow
-@pytest.mark.gate_share(1)
-@pytest.mark.usefixtures("plain_report")
-@pytest.mark.parametrize("hours", [1.0, 0.8])
-def test_speeds_are_chosen_in_the_current_of_a_month(
-    within_hours: Callable[[float], Outcome], hours: float
-) -> None:
-    """Every file has the speeds and times that are sailed."""
-    outcome, by = within_hours(hours), DEPART + timedelta(hours=hours)
+def check_speeds(outcome: Outcome, by: datetime, hours: float) -> None:
+    """Check the files of a voyage that has to be made within some hours."""
     rows = metrics(outcome.directory)
     arrivals = [datetime.fromisoformat(row["arrival"]) for row in rows]
     assert len(rows) == 2
@@ -130,13 +121,6 @@ def test_speeds_are_chosen_in_the_current_of_a_month(
     assert again.seasons[0].speed == outcome.scenario.seasons[0].speed
     assert again.seasons[0].arrive_by == by
     assert any("chosen from leg to leg among 1–5 m/s" in choice for choice in outcome.choices)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("plain_report")
-def test_less_time_takes_more_fuel(within_hours: Callable[[float], Outcome]) -> None:
-    fuels = [float(metrics(within_hours(hours).directory)[0]["fuel"]) for hours in (1.0, 0.8)]
-    assert fuels[1] > 1.3 * fuels[0]
 
 
 @pytest.mark.usefixtures("plain_report")
