@@ -28,7 +28,7 @@ ROOMS = {
     "pipeline/serve": (1_721, 9),
     "pipeline/sources": (10_190, 46),
     "pipeline/stages": (5_475, 15),
-    "pipeline/voyage": (2_159, 9),
+    "pipeline/voyage": (2_160, 9),
     "renew/bounds": (1_604, 8),
     "renew/classes": (2_440, 14),
     "renew/inputs": (2_288, 24),

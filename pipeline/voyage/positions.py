@@ -89,8 +89,8 @@ _COMMA = re.compile(r"(?<=\d),(?=\d)")
 # Without letters, two commas between digits, with other characters between, are decimal commas, as
 # in "120,30 12,80".
 _DECIMAL_COMMAS = re.compile(r"^([^,]*\d),(\d[^,]*(?:;|\s)[^,]*\d),(\d[^,]*)$")
-# If start or goal lies west of this longitude, 360 degrees are added to both: longitudes in a
-# scenario begin at -180, and the region needs room west of start and goal.
+# If start or goal lies west of this longitude, and neither east of Greenwich, 360 degrees are added
+# to both: longitudes in a scenario begin at -180, and the region needs room west of them.
 _WESTERNMOST = -160.0
 _AXIS = {"N": "lat", "S": "lat", "E": "lon", "W": "lon", "X": "lon", "Y": "lat"}
 
@@ -153,7 +153,8 @@ def continued(place: Position, lon: float) -> Position:
 def joined(start: Position, goal: Position) -> tuple[Position, Position]:
     """Return start and goal; the goal continues beyond 180 degrees if the way across is shorter."""
     goal = continued(goal, start.lon)
-    turn = 360 if min(start.lon, goal.lon) < _WESTERNMOST else 0
+    west, east = sorted((start.lon, goal.lon))
+    turn = 360 * (west < _WESTERNMOST and east <= 0) - 360 * (east > 360)
     return replace(start, lon=start.lon + turn), replace(goal, lon=goal.lon + turn)
 
 

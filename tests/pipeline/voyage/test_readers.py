@@ -8,7 +8,7 @@ from datetime import date, timedelta
 from pathlib import Path
 
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.model import planner_vessel
@@ -145,6 +145,19 @@ def test_words_without_quotes_make_two_positions() -> None:
     assert (start.lon, start.lat, goal.lon, goal.lat) == pytest.approx((120.3, 12.8, 116.8, 7.7))
     with pytest.raises(RequestError, match="in quotes"):
         halves(["120.3,12.8", "7.7N", "116.8E"])
+
+
+@given(st.floats(-180, 360), st.floats(-180, 360))
+@example(5.0, -169.0)
+@example(350.0, 5.0)
+def test_two_places_are_joined_the_shorter_way_within_the_longitudes_of_a_scenario(
+    one: float, other: float
+) -> None:
+    start, goal = joined(Position(one, 0.0), Position(other, 0.0))
+    assert -180 <= min(start.lon, goal.lon) <= max(start.lon, goal.lon) <= 360
+    assert abs(goal.lon - start.lon) <= 180 + 1e-9
+    for place, given_lon in ((start, one), (goal, other)):
+        assert math.remainder(place.lon - given_lon, 360) == pytest.approx(0, abs=1e-9)
 
 
 def test_the_goal_continues_across_180_degrees() -> None:
