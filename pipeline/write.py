@@ -95,6 +95,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.passage_plan import write_passage_plan
+    from pipeline.formats.records import write_currents
     from pipeline.formats.report.page import write_report
 
     is_there = {
@@ -111,7 +112,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     }
     for case in result.cases:
         if case.grid is not None:  # a planar scenario has none: its current is a formula
-            formats |= _current_formats(case)
+            formats[f"{case.stem}-currents.nc"] = _of(write_currents, case)
     # A plane lies nowhere on earth: nobody can navigate by it.
     navigated = [case for case in result.cases if case.routes and not result.scenario.is_planar]
     if navigated:
@@ -121,17 +122,6 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         formats |= _haven_formats(case)
     # Last, because it waits for the bounds on other sides.
     return {**formats, "report.html": write_report}
-
-
-def _current_formats(case: RunCase) -> dict[str, Format]:
-    """Return the files of a case's current; for a plotter only if it can show any of it."""
-    from pipeline.formats.records import has_grib, write_currents, write_grib
-
-    stem = f"{case.stem}-currents"
-    found = {f"{stem}.nc": _of(write_currents, case)}
-    if has_grib(case):
-        found[f"{stem}.grb"] = _of(write_grib, case)
-    return found
 
 
 def _case_formats(case: RunCase) -> dict[str, Format]:
@@ -148,7 +138,6 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
         f"{stem}.rtz": _of(routes.write_rtz, case, **timed),
         f"{stem}.gpx": _of(routes.write_gpx, case, **timed),
         f"{stem}.geojson": _of(write_geojson, case),
-        f"{stem}.kml": _of(routes.write_kml, case, **timed),
         f"{stem}.plan": _of(missions.write_plan, case),
         f"{stem}.waypoints": _of(missions.write_mission, case),
     }

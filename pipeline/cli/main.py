@@ -106,7 +106,6 @@ def run(
     charts: list[str] | None = None,
     currents: list[str] | None = None,
     strict: bool = False,
-    explain_gap: bool = False,
     as_json: bool = False,
     quiet: bool = False,
     verbose: bool = False,
@@ -120,7 +119,7 @@ def run(
 
         run = partial(
             run_scenario,
-            wanted.explaining_gap() if explain_gap else wanted,
+            wanted,
             output,
             offline=offline,
             strict=strict,
@@ -160,7 +159,7 @@ def go(
 # What a route of one's own leaves open, or says itself.
 _OF_A_PLAN = (
     "start", "goal", "via", "until", "arrive_by", "havens", "within", "endurance", "members",
-    "explain_gap", "strict",
+    "strict",
 )  # fmt: skip
 
 

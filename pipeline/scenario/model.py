@@ -208,7 +208,6 @@ class OutputOptions(StrictModel):
     """Options of the output files."""
 
     rtz_version: Literal["1.0", "1.1", "1.2"] = "1.1"
-    explain_gap: bool = False
 
 
 def _known_vessel(given: object) -> object:
@@ -248,11 +247,6 @@ class Scenario(StrictModel):
     planner: PlannerOptions = PlannerOptions()
     outputs: OutputOptions = OutputOptions()
     published: Published | None = None
-
-    def explaining_gap(self) -> Self:
-        """Return the scenario with the option set that explains optimality gaps."""
-        outputs = self.outputs.model_copy(update={"explain_gap": True})
-        return self.model_copy(update={"outputs": outputs})
 
     def vessel_in(self, season: Season) -> VesselSpec:
         """Return the vessel with the highest speed that it has in a season."""

@@ -87,7 +87,6 @@ def go(
     output: Path = Path("outputs"),
     offline: bool = False,
     strict: bool = False,
-    explain_gap: bool = False,
     on_event: EventHandler | None = None,
 ) -> Outcome:
     """Plan a voyage and write its results to `output/<name>/`, as `renew go` does.
@@ -196,7 +195,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         notes += (
             "in still water no later departure needs less fuel: the vessel leaves at the first",
         )
-    return (scenario.explaining_gap() if request.explain_gap else scenario), notes
+    return scenario, notes
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:

@@ -77,7 +77,6 @@ class VoyageRequest:
     datum: str = ""
     tide: Annotated[tuple[str, ...], each(readers.read_station)] = ()
     members: Annotated[dict[str, Any] | None, readers.read_members] = None
-    explain_gap: bool = False
     name: Annotated[str, readers.read_name] = ""
     output: Annotated[Path, read_folder] = Path("outputs")
     offline: bool = False

@@ -76,7 +76,7 @@ def _written(name: str, content: bytes) -> Iterator[str]:
     suffix = Path(name).suffix
     if suffix in {".json", ".geojson", ".plan"}:
         yield from _texts(json.loads(content))
-    elif suffix in {".gpx", ".kml", ".rtz", ".qgs", ".qml"}:
+    elif suffix in {".gpx", ".rtz", ".qgs", ".qml"}:
         for node in etree.fromstring(content).iter():
             yield from (*(node.attrib.values()), node.text or "", node.tail or "")
     elif suffix in {".zip", ".qgz"}:

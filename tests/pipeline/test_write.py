@@ -38,11 +38,9 @@ FILES = sorted(
         f"small-run-{season}{ending}"
         for season in ("summer", "winter")
         for ending in (
-            "-currents.grb",
             "-currents.nc",
             ".geojson",
             ".gpx",
-            ".kml",
             ".plan",
             ".rtz",
             ".waypoints",

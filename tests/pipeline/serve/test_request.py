@@ -19,7 +19,7 @@ def test_the_command_line_says_what_was_asked(
     start: str, goal: str, speed: str, via: list[str], flag: bool
 ) -> None:
     asked = PlanRequest.model_validate(
-        {"start": start, "goal": goal, "speed": speed, "via": via, "explain_gap": flag}
+        {"start": start, "goal": goal, "speed": speed, "via": via, "strict": flag}
     )
     options = asked.options(GivenFiles(Path("unused")))
     program, name, *words = shlex.split(command_line(options, "a", Path("out"), offline=True))
@@ -30,4 +30,4 @@ def test_the_command_line_says_what_was_asked(
     assert (read["speed"] or "") == speed
     assert list(read["via"] or ()) == [one for one in via if one]
     assert (read["name"], read["output"], read["offline"]) == ("a", Path("out"), True)
-    assert read["explain_gap"] == flag
+    assert read["strict"] == flag
