@@ -153,26 +153,6 @@ class UnderWay(StrictModel):
     switch_above: strict.Number = Field(default=0.02, ge=0, le=1)
 
 
-class PublishedRow(StrictModel):
-    """One published route, in the publication's own units."""
-
-    label: str
-    season: str = ""
-    fuel: strict.Positive | None = None
-    clearance: strict.Positive | None = None
-    length: strict.Positive | None = None
-    fuel_per_distance: strict.Positive | None = None
-    side: str = ""
-
-
-class Published(StrictModel):
-    """Published figures that the report compares with this run's."""
-
-    origin: str
-    scale: strict.Positive = 1.0
-    rows: tuple[PublishedRow, ...]
-
-
 MAX_SEASONS = 1000
 """Largest number of seasons of a scenario."""
 
@@ -246,7 +226,6 @@ class Scenario(StrictModel):
     under_way: UnderWay | None = None
     planner: PlannerOptions = PlannerOptions()
     outputs: OutputOptions = OutputOptions()
-    published: Published | None = None
 
     def vessel_in(self, season: Season) -> VesselSpec:
         """Return the vessel with the highest speed that it has in a season."""

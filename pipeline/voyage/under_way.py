@@ -116,7 +116,7 @@ def _table(
     first = _ADDED.sub("", data["name"])
     start = data["start"]
     title = data.get("title") or first
-    return {key: one for key, one in data.items() if key != "published"} | {
+    return data | {
         "name": request.name or f"{first[:_NAME].rstrip('-_')}-at-{departure_name(request.time)}",
         "title": f"{title.partition(', planned again ')[0]}, planned again "
         f"{exact_moment_text(request.time)}",

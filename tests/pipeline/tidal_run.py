@@ -54,7 +54,6 @@ def run(grid: CurrentGrid, islands: tuple[shapely.Polygon, ...] = (ISLAND,)) -> 
             }
         ],
         planner={"classes": 2, "clearance": 100.0, "drift": "crab"},
-        published=None,
     )
     got = Fetched(Land(islands, (small_run.LAND,), 60.0), (grid,))
     no_go = tuple(island.buffer(0.0005) for island in islands)

@@ -144,7 +144,6 @@ def gather(result: RunResult) -> dict[str, Any]:
         "map_json": Markup(json_for_script(map_data(result, limits))),  # noqa: S704 - our own
         # The interactive map's width to its height, so that the chart fills it.
         "map_ratio": min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin))),
-        "comparison": comparison(result),
         "zones": list(dict.fromkeys(text.zone_text(zone) for zone, _ in result.open_zones)),
         "sources": _sources(result),
     }
@@ -225,53 +224,6 @@ def _crossed_beside(case: RunCase) -> str:
     if not ranks or 1 in ranks:
         return ""
     return f"parts of {text.count(len(ranks), 'route', 'routes')}, none of the best."
-
-
-def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
-    """Return each case's best route, followed by the published routes for it.
-
-    `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
-    `clearance_m` true metres; unknown figures are None.
-    """
-    published = result.scenario.published
-    if published is None:
-        return ()
-    rows: list[dict[str, Any]] = []
-    for case in result.cases:
-        rows += [
-            {
-                "season": case.title,
-                "planner": "This run",
-                "is_ours": True,
-                "scale": result.scenario.scale,
-                "way": m.main_passage,
-                "fuel_per_distance": m.fuel_per_distance,
-                "fuel": m.fuel,
-                "length": m.length,
-                "length_m": m.length_m,
-                "clearance_m": m.clearance_m,
-            }
-            for m in case.measures.routes[:1]
-        ]
-        rows += [
-            {
-                "season": row.season and case.title,
-                "planner": row.label,
-                "is_ours": False,
-                "scale": published.scale,
-                "way": row.side,
-                # As published, or else from fuel and length.
-                "fuel_per_distance": row.fuel_per_distance
-                or (row.fuel / row.length if row.fuel and row.length else None),
-                "fuel": row.fuel,
-                "length": row.length,
-                "length_m": row.length and row.length * published.scale,
-                "clearance_m": row.clearance and row.clearance * published.scale,
-            }
-            for row in published.rows
-            if row.season == case.name or (not row.season and not case.number)
-        ]
-    return tuple(rows)
 
 
 # Longer side of a card's picture, in its own units.

@@ -36,7 +36,6 @@ def planned(
         goal=list(goal),
         scale=scale,
         seasons=[{"name": SEASON, "valid": "2024-07", "currents": ["table"]}],
-        published=None,
         **changes,
     )
     got = Fetched(Land(tuple(islands), (small_run.LAND,), 60.0), (_stream(bbox),))

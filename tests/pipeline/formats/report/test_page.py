@@ -141,20 +141,6 @@ def test_the_best_routes_profile_and_padding_are_plotted(page: Page, result: Run
     assert len(told) == 2
 
 
-def test_published_figures_are_compared_with_ours(page: Page, result: RunResult) -> None:
-    header, *rows = table_rows(page, "published-title")
-    table = [dict(zip(header, row, strict=True)) for row in rows]
-    assert [row["Planned by"] for row in table] == ["This run", "This run", "Theirs"]
-    theirs = table[-1]
-    assert theirs["Season"] == "Winter (December)"
-    assert float(theirs["F/D"]) == pytest.approx(20 / 22.5, abs=1e-3)
-    assert theirs["Length, true"] == "112.5 km"
-    assert theirs["Clearance, true"] == "–"
-    best = result.case("winter").measures.routes[0]
-    assert table[1]["Fuel"] == texts.number(best.fuel)
-    assert "Some paper, at 1:5000" in page.root.text
-
-
 def test_stand_in_currents_are_announced_directly_below_the_answer(page: Page) -> None:
     [notice] = page.with_class("notice")
     assert notice.all("h2")[0].flat_text == "Planned with stand-in currents"
