@@ -145,22 +145,11 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
 
 def _haven_formats(case: RunCase) -> dict[str, Format]:
     """Return the files of a case's ways to havens; none without havens, or without a way."""
-    from pipeline.findings.haven_rows import main_ways
-    from pipeline.formats.passage import missions
+    from pipeline.formats.passage.missions import write_haven_gpx
 
     if case.coverage is None or not case.coverage.diversions:
         return {}
-    stem, count = f"{case.stem}-haven", len(case.coverage.diversions)
-    digits = len(str(count))
-    names = [f"{stem}-{number:0{digits}d}" for number in range(1, count + 1)]
-    return {
-        f"{stem}s.gpx": _of(missions.write_haven_gpx, case),
-        f"{stem}s-missions.zip": _of(missions.write_haven_missions, case, names=names),
-        **{
-            f"{names[way.number - 1]}.rtz": _of(missions.write_haven_rtz, case, number=way.number)
-            for way in main_ways(case)
-        },
-    }
+    return {f"{case.stem}-havens.gpx": _of(write_haven_gpx, case)}
 
 
 def _of(writer: Callable[..., None], case: RunCase, **options: object) -> Format:

@@ -82,7 +82,6 @@ _LIKELY: dict[str, tuple[str, ...]] = {
     "--limit": ("30", "1e9", "0.5", "1e400", "-1"),
     "--scheduler": ("tcp://127.0.0.1:1", "127.0.0.1:1", "http://127.0.0.1:1"),
     "--ping": ("http://127.0.0.1:1", "file:///etc/passwd", "http://127.0.0.1:1/" + "x" * 5000),
-    "--metrics": ("metrics.prom", "folder", "read-only/m.prom", "/dev/full", "pipe"),
     "--only": ("quick", "quick/still/p0001", "single-gyre"),
     "--speed": ("10kn", "5m/s", "4kn..9kn", "9kn..4kn", "1e400kn", "0kn", "-1kn", "10"),
     "--length": ("20m", "300ft", "0m", "1e9km"),

@@ -7,16 +7,14 @@ and rally points, too, where they are found: where the autopilot may be, and whe
 draws the edges of its fence, and its way to a rally point, straight in longitude and latitude. So
 polygons are made and checked in a plane where such lines are straight.
 
-Ways to havens are written as one GPX, each as RTZ, and as missions in one archive. They have speeds
-and durations but no clock times: a vessel turns off early, on time or late.
+Ways to havens are written as one GPX. They have speeds and durations but no clock times: a vessel
+turns off early, on time or late.
 
 Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
 format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
 """
 
-import json
 import math
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,8 +28,8 @@ from pipeline._types import FloatArray
 from pipeline.findings.haven_rows import Way, haven_ways
 from pipeline.findings.result import RankedRoute, RunCase
 from pipeline.findings.route_profile import closest_approach, coast_edges
-from pipeline.findings.text import json_value, speed_over_ground, write_json
-from pipeline.formats.passage.routes import gpx_document, rtz_text
+from pipeline.findings.text import speed_over_ground, write_json
+from pipeline.formats.passage.routes import gpx_document
 from pipeline.formats.passage.safe_corridor import Obstacles, in_pieces, kept_out, tracks
 from pipeline.formats.passage.waypoints import (
     Waypoints,
@@ -447,23 +445,3 @@ def _ranked(way: Way, case: RunCase) -> RankedRoute:
 def write_haven_gpx(case: RunCase, path: Path) -> None:
     """Write all ways of a case as routes of one file."""
     path.write_bytes(gpx_document(haven_waypoints(case), None, []))
-
-
-def write_haven_rtz(case: RunCase, path: Path, *, number: int) -> None:
-    """Write one way of a case, by its number from 1."""
-    points = haven_waypoints(case)[number - 1]
-    path.write_text(rtz_text(points, path.stem, None), encoding="utf-8")
-
-
-def write_haven_missions(case: RunCase, path: Path, *, names: list[str]) -> None:
-    """Write all ways of a case as missions in an archive, named without their ends.
-
-    They have no fence: a way to a haven may leave that of the route.
-    """
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, points in zip(names, haven_waypoints(case), strict=True):
-            content = plan_content(points, Autopilot(None, None))
-            plan = json.dumps(json_value(content), indent=2)
-            for end, text in ((".plan", plan), (".waypoints", mission_text(points))):
-                # The time that an archive holds for a file is the same for all runs.
-                archive.writestr(zipfile.ZipInfo(name + end), text, zipfile.ZIP_DEFLATED)

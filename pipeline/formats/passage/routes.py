@@ -190,13 +190,8 @@ def write_rtz(case: RunCase, path: Path, *, departure: datetime | None = None) -
     departure (and its time zone) the file has the speed and duration of each leg, but no times.
     Raises ValueError for a departure without a time zone.
     """
-    text = rtz_text(case_waypoints(case)[0], path.stem, departure)
-    path.write_text(text, encoding="utf-8")
-
-
-def rtz_text(points: Waypoints, name: str, departure: datetime | None) -> str:
-    """Return the file of a route under a name; see `write_rtz`."""
-    planned, scenario = points.ranked.metrics, points.ranked.case.scenario
+    points, scenario = case_waypoints(case)[0], case.scenario
+    planned = points.ranked.metrics
     version = scenario.outputs.rtz_version
     # RTZ has no place for what is not known about a route, nor for what was decided for it.
     caveats = note_texts(route_caveats(points.ranked))
@@ -208,7 +203,7 @@ def rtz_text(points: Waypoints, name: str, departure: datetime | None) -> str:
             version=version,
             form=VERSIONS[version],
             info={
-                "routeName": clean(name, _MAX_TEXT_LENGTH),
+                "routeName": clean(path.stem, _MAX_TEXT_LENGTH),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
                 **({"vesselName": vessel} if (vessel := vessel_name(scenario)) else {}),
@@ -220,7 +215,7 @@ def rtz_text(points: Waypoints, name: str, departure: datetime | None) -> str:
             namespace=PROVENANCE,
         )
     )
-    return content.lstrip()
+    path.write_text(content.lstrip(), encoding="utf-8")
 
 
 def _rtz_waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _Attributes]]:
