@@ -18,7 +18,7 @@ from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinis
 from pipeline.nightly import records
 from pipeline.nightly.cases import Block, all_cases, expand, pairs_on_land, request_hash
 from pipeline.nightly.config import NightConfig
-from pipeline.nightly.currents import ComeAgainError, Newest, keep_forecasts, newest_currents
+from pipeline.nightly.currents import ComeAgainError, Newest, newest_currents
 from pipeline.nightly.cycles import (
     LATEST,
     BusyError,
@@ -273,9 +273,6 @@ class _Night:
             shared=planning.partial.request_file,
         ) as workers:
             with self._stage("prepare"):
-                keep_forecasts(
-                    self.config.output, self.blocks, self.newest, prune=self.only is None
-                )
                 planning.prepare(workers)
             with self._stage("plan"):
                 planning.plan(workers)

@@ -62,8 +62,6 @@ def load_scenario(
             for note in notes:
                 on_note(note)
     scenario = faults.collect(lambda: parse_scenario(table, path.parent))
-    if scenario is not None:
-        faults.lines += _kept_members(scenario)
     if scenario is None or faults.lines:
         raise RequestError(faults.lines)
     return scenario
@@ -262,16 +260,6 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
             "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught in "
             "metres (--draught)"
         )
-
-
-def _kept_members(scenario: Scenario) -> Iterator[str]:
-    """Find members that are to be a night's forecasts, which only `renew nightly` keeps."""
-    for at, season in enumerate(scenario.seasons):
-        if season.members is not None and season.members.are_kept:
-            yield (
-                f"seasons[{at}].members (season {season.name!r}) has neither 'along' nor 'spread', "
-                "and only renew nightly keeps forecasts; give one of the two"
-            )
 
 
 def _unknown_sources(scenario: Scenario) -> Iterator[str]:

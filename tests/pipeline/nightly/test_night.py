@@ -18,6 +18,7 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError, StageError
+from pipeline.findings.choices import ENSEMBLE_FIGURES, ensemble_figures, side_shares
 from pipeline.nightly.config import load_config
 from pipeline.nightly.currents import ComeAgainError
 from pipeline.nightly.cycles import Partial, Row, rows_of_parts
@@ -275,3 +276,26 @@ def test_a_table_of_an_earlier_version_without_islands_is_read(tmp_path: Path) -
     assert list(routes) == ["quick/still"]
     assert routes["quick/still"].columns()["earlier_side"] == "west of Palawan"
     assert routes["quick/still"].island == ""
+
+
+@pytest.mark.slow
+def test_a_case_with_members_equals_a_run_of_its_season(tmp_path: Path, cluster: str) -> None:
+    file, members = plane_night(tmp_path, pairs=1), "{ spread = 0.1, eddy_km = 0.05, count = 6 }"
+    scenario = tmp_path / "quick.toml"
+    scenario.write_text(
+        scenario.read_text().replace("[planner]", f"members = {members}\n[planner]")
+    )
+    file.write_text(file.read_text().replace('pairs = "pairs.csv"\n', ""))
+    run_night(load_config(file, tmp_path / "out"), scheduler=cluster)
+    result = result_of(load_scenario(str(scenario)), tmp_path / "run")
+    (case,) = rows(tmp_path / "out")
+    own = [one.metrics for one in result.routes]
+    found = result.results[0].ensemble
+    assert found is not None
+    for row, metrics in zip(rows(tmp_path / "out", "routes.parquet"), own, strict=True):
+        for name in ("fuel", "trials", "members_share", "members_cvar90_fuel", "members_regret"):
+            assert row[name] == getattr(metrics, name)
+    figures = {name: case[name] for name in ENSEMBLE_FIGURES}
+    assert figures == ensemble_figures(found, own)
+    close = "" if found.is_sure else "too close to call: "
+    assert case["members_sides"] == close + side_shares(found, own)
