@@ -317,10 +317,6 @@ def expand(config: NightConfig, *, only: str | None = None) -> list[Block]:
         for first, other in itertools.combinations(blocks, 2)
         if not any(a.isdisjoint(b) for a, b in zip(first.names, other.names, strict=True))
     ]
-    for number, voyage in enumerate(config.spec.voyages):
-        for key, given in (("results", voyage.results), ("positions", voyage.positions)):
-            if reason := unreadable_reason(config.here(given)):
-                faults.append(config.located(f"voyages[{number}].{key}", f" = {given!r} {reason}"))
     if faults:
         raise RequestError(faults)
     if only is not None:

@@ -15,7 +15,6 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
-import renew
 from pipeline._types import FloatArray
 from pipeline.findings import choices, text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
@@ -29,7 +28,6 @@ from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limit
 from pipeline.formats.figures.plots import (
     departure_figure,
     fan_figure,
-    padding_figure,
     profile_figure,
     trade_off_figure,
 )
@@ -238,10 +236,10 @@ def case_section(case: RunCase) -> dict[str, Any]:
     """Gather what the templates show of a case; `rows` are empty if `failure` gives a reason.
 
     `passage` is departure and arrival of the best route, empty if no departure is given. `said`
-    tells why to take this route; `profile` is a plot of it, `padding` one of the turns at its
-    tightest place, and `tightest` a sentence on that place. `thumbnail` and `picture` are static
-    maps. `choices` are when to leave and how fast to go, if that was to be chosen; `speeds` are
-    then the best route's lowest and highest, m/s.
+    tells why to take this route; `profile` is a plot of it, and `tightest` a sentence on its
+    tightest place. `thumbnail` and `picture` are static maps. `choices` are when to leave and how
+    fast to go, if that was to be chosen; `speeds` are then the best route's lowest and highest,
+    m/s.
     """
     result, ranked = case.run, case.routes
     title, anchor = case.title, f"season-{case.number + 1}"
@@ -274,7 +272,6 @@ def case_section(case: RunCase) -> dict[str, Any]:
             "label": label,
         },
         "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
-        "padding": tightest and _padding(case, tightest),
         "tightest": tightest and tightest_text(case.case, tightest),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
@@ -311,16 +308,6 @@ def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
         label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel, m)}, speed over "
         f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
-    )
-
-
-def _padding(case: RunCase, tightest: renew.Tightest) -> Markup:
-    """Plot the reach of turns at the best route's tightest place."""
-    return page_svg(
-        padding_figure(tightest, case.case.projection.scale),
-        identity=f"season-{case.number + 1}-padding",
-        label="How far hard-over turns reach at the tightest place of the best route of "
-        f"{case.title}",
     )
 
 

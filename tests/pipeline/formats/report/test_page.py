@@ -129,14 +129,13 @@ def test_every_season_has_a_map_with_ids_of_its_own(page: Page) -> None:
     assert all(len(m.all("path")) > 20 for m in maps)
 
 
-def test_the_best_routes_profile_and_padding_are_plotted(page: Page, result: RunResult) -> None:
+def test_the_best_routes_profile_and_padding_are_told(page: Page, result: RunResult) -> None:
     labels = [m.attributes["aria-label"] for m in page.with_class("map")]
     for season, entry in zip(("Summer", "Winter (December)"), result.results, strict=True):
         best = result.case(entry.name).routes[0].metrics
         [profile] = [a for a in labels if a.startswith(f"Along the best route of {season}:")]
         assert f"fuel up to {texts.fuel(best.fuel, best)}" in profile
         assert f"at least {texts.clearance(best.clearance_m)}" in profile
-        assert sum(a.endswith(f"tightest place of the best route of {season}") for a in labels) == 1
     told = [one for one in page.all("p") if "Padding at the tightest" in one.text]
     assert len(told) == 2
 
