@@ -84,7 +84,7 @@ def write(
 
 def load_libraries() -> None:
     """Import what writes files, and its libraries; it takes a second: call it before planning."""
-    for name in ("gis.geopackage", "passage_plan", "passage.routes", "report.page"):
+    for name in ("gis.geopackage", "passage.routes", "report.page"):
         importlib.import_module(f"pipeline.formats.{name}")
     importlib.import_module("geopandas")
 
@@ -94,7 +94,6 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.findings.choices import trade_offs
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
-    from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.records import write_currents
     from pipeline.formats.report.page import write_report
 
@@ -113,13 +112,9 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     for case in result.cases:
         if case.grid is not None:  # a planar scenario has none: its current is a formula
             formats[f"{case.stem}-currents.nc"] = _of(write_currents, case)
-    # A plane lies nowhere on earth: nobody can navigate by it.
-    navigated = [case for case in result.cases if case.routes and not result.scenario.is_planar]
-    if navigated:
-        formats["passage-plan.pdf"] = write_passage_plan
-    for case in navigated:
-        formats |= _case_formats(case)
-        formats |= _haven_formats(case)
+        # A plane lies nowhere on earth: nobody can navigate by it.
+        if case.routes and not result.scenario.is_planar:
+            formats |= _case_formats(case) | _haven_formats(case)
     # Last, because it waits for the bounds on other sides.
     return {**formats, "report.html": write_report}
 

@@ -134,7 +134,7 @@ OTHER_MODELS: tuple[type[BaseModel], ...] = (
 )
 OTHER_TABLES = ("cases",)
 # Names of files that a run or a night writes.
-RESULT_FILE = re.compile(r"[a-z][\w-]*\.(?:html|gpkg|csv|json|pdf|nc|rtz|gpx|parquet|geojson|toml)")
+RESULT_FILE = re.compile(r"[a-z][\w-]*\.(?:html|gpkg|csv|json|nc|rtz|gpx|parquet|geojson|toml)")
 
 
 def _text(document: str) -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from pathlib import Path
 
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
-from tests.commands import ran
 from tests.pipeline.small_region import with_stand_in
 
 DATE = "2020-06-17"
@@ -21,8 +19,6 @@ def said(path: Path) -> str:
     if path.suffix == ".gpkg":
         with sqlite3.connect(path) as opened:
             return "\n".join(map(str, opened.execute("select current from routes")))
-    if path.suffix == ".pdf":
-        return ran("pdftotext", "-layout", str(path), "-") if shutil.which("pdftotext") else DATE
     return path.read_bytes().decode("utf-8", "replace")
 
 

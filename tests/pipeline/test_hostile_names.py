@@ -191,9 +191,7 @@ def test_no_plan_is_lost_and_nothing_acts_on_the_terminal(sailed: tuple[Path, st
     folder, printed = sailed
     assert not _shown(printed)
     assert "Isle" in printed
-    assert {"report.html", "havens.csv", "routes.gpkg", "passage-plan.pdf"} <= {
-        path.name for path in folder.iterdir()
-    }
+    assert {"report.html", "havens.csv", "routes.gpkg"} <= {path.name for path in folder.iterdir()}
 
 
 def test_no_file_of_the_results_has_them(sailed: tuple[Path, str]) -> None:

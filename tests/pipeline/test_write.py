@@ -27,7 +27,6 @@ from tests.strategies import examples
 FILES = sorted(
     [
         "manifest.json",
-        "passage-plan.pdf",
         "metrics.csv",
         "report.html",
         "routes.gpkg",

@@ -32,6 +32,15 @@ from pipeline.formats.figures.plots import (
     trade_off_figure,
 )
 from pipeline.formats.figures.season_map import case_svg
+from pipeline.formats.passage.missions import MAX_VERTICES, autopilot
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    NAUTICAL_MILE_M,
+    Waypoints,
+    case_waypoints,
+    time_after,
+    vessel_name,
+)
 from pipeline.formats.records import versions
 from pipeline.formats.report.map_data import (
     coarser,
@@ -41,7 +50,15 @@ from pipeline.formats.report.map_data import (
     place_on_map,
     within,
 )
-from pipeline.formats.tables import haven_facts, haven_texts, tightest_place, tightest_text
+from pipeline.formats.tables import (
+    has_speeds,
+    haven_facts,
+    haven_texts,
+    leg_headings,
+    rows,
+    tightest_place,
+    tightest_text,
+)
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
 from renew import Rejected
@@ -275,6 +292,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
         "tightest": tightest and tightest_text(case.case, tightest),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
+        "plan": plan_section(case),
         "choices": list(shown_choices(case)),
         "speeds": found and (found.slowest, found.fastest),
     }
@@ -469,3 +487,90 @@ def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
         "way": way,
         "place": "" if place is None else place_on_map(water, place),
     }
+
+
+_LIMITS = (
+    "Within a leg's cross-track limits the vessel stays out of the soft no-go zone. Legs are {}s; "
+    "positions are WGS 84."
+)
+
+
+def plan_section(case: RunCase) -> dict[str, Any] | None:
+    """Return the passage plan of a case's best route; None without one, and in a plane.
+
+    It has sentences, the headings of a table, and its rows: a waypoint and the leg that leads to
+    it.
+    """
+    if not case.routes or case.run.scenario.is_planar:
+        return None
+    points = case_waypoints(case)[0]
+    headings = {name: words for name, words in leg_headings(points).items() if words}
+    return {
+        "sentences": [
+            _vessel_text(points),
+            _times_text(points),
+            _LIMITS.format(points.curve.lower()),
+            *_autopilot_texts(case),
+        ],
+        "headings": list(headings.values()),
+        "rows": [
+            [row.get(name, "") for name in headings] for row in rows(points, case.spec.departure)
+        ],
+    }
+
+
+def _vessel_text(points: Waypoints) -> str:
+    """Say which vessel sails, its speed through the water, how it turns, and the way's length."""
+    vessel = points.ranked.case.scenario.vessel
+    name = vessel_name(points.ranked.case.scenario)
+    speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S
+    through = f"{speeds.min():.2f} kn"
+    if has_speeds(points):
+        through = f"{' to '.join(text.speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
+    return (
+        f"Vessel: {', '.join(filter(None, (name, f'{vessel.length_m:g} m long')))}; {through} "
+        f"through the water, turns at {vessel.turn_rate_deg_s:.3g}° a second. "
+        f"{points.metrics.length_m / NAUTICAL_MILE_M:.1f} NM by waypoints, "
+        f"{text.speed_over_ground(points.metrics) * KNOTS_PER_M_S:.2f} kn over ground on average."
+    )
+
+
+def _times_text(points: Waypoints) -> str:
+    """Say when the vessel leaves and arrives, and how long the planned path takes."""
+    planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
+    case = points.ranked.case
+    spec = case.spec
+    texts = ["Times are since departure: none was given."]
+    if spec.departure is not None:
+        arrival = time_after(spec.departure, sailed_s)
+        leaves = text.moment_text(time_after(spec.departure, 0))
+        texts = [f"Departure {leaves}, arrival {text.moment_text(arrival)}."]
+        choice = case.departure_choice
+        by = spec.arrive_by if choice is None else choice.arrive_by
+        if by is not None and text.to_minute(arrival) > text.to_minute(by):
+            late = text.duration((text.to_minute(arrival) - text.to_minute(by)).total_seconds())
+            texts += [f"That is {late} after {text.moment_text(by)}: leave {late} earlier."]
+    if text.duration(planned_s) != text.duration(sailed_s):
+        planned = text.duration(planned_s)
+        texts += [
+            "Times are for the legs, with the vessel heading into the cross-current;",
+            f"the planned path takes {planned}.",
+        ]
+    return " ".join(texts)
+
+
+def _autopilot_texts(case: RunCase) -> Iterator[str]:
+    """Yield what the navigator has to set on an autopilot, because the mission's file can't."""
+    told = autopilot(case)
+    if told.fence is None:
+        yield (
+            f"The mission has no fence: no fence with {MAX_VERTICES} vertices or fewer was found "
+            "that holds the legs and stays out of the soft no-go zone; draw one by hand."
+        )
+    if told.rally is None:
+        yield (
+            "On an autopilot, set Loiter or Hold, not return, for a lost link and a fence breach; "
+            "Hold lets the vessel drift. A return is a straight line to the start or the nearest "
+            "rally point, and from some places of this route it is not clear of hard and soft "
+            "no-go areas."
+        )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +15,10 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.passage.routes import write_gpx
-from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
 from pipeline.geo.projection import DepthCover
 from pipeline.run import Outcome
 from pipeline.stages.compare import safety_notes
-from tests.commands import ran
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 from tests.pipeline.results import rows_of, with_measures, with_rows
@@ -76,19 +73,12 @@ def test_the_terminal_speaks_of_no_go_areas(with_depths: RunResult, tmp_path: Pa
     assert all("met no-go areas" in note for note in note_texts(safety_notes(with_depths)))
 
 
-def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_path: Path) -> None:
+def test_plotters_speak_of_no_go_areas(with_depths: RunResult, tmp_path: Path) -> None:
     season = with_depths.results[0].name
     write_gpx(with_depths.case(season), tmp_path / "a.gpx")
     text = (tmp_path / "a.gpx").read_text("utf-8").replace(small_run.LAND.text, "")
     assert not said(re.findall(r">([^<]+)<", text))
     assert "or more from no-go areas" in text
-    if shutil.which("pdftotext") is None:
-        pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
-    write_passage_plan(with_depths, tmp_path / "a.pdf")
-    command = ["pdftotext", "-layout", str(tmp_path / "a.pdf"), "-"]
-    printed = ran(*command)
-    assert not said(printed.splitlines())
-    assert "from no-go areas" in printed
 
 
 @pytest.mark.parametrize("kind", Kind)

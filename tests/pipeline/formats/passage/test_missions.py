@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import renew
 from pipeline.findings.result import RunResult
 from pipeline.formats.passage.missions import KEPT_SHARE, autopilot, write_mission, write_plan
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints
-from pipeline.formats.passage_plan import write_passage_plan
+from pipeline.formats.report.page import plan_section
 from tests.pipeline.formats import runs, small_run
 from tests.true_scale import GEOD
 
@@ -320,16 +320,11 @@ def test_a_haven_that_closes_is_no_rally_point(tmp_path: Path) -> None:
     assert found == []
 
 
-def test_the_passage_plan_says_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    said = list[str]()
-
-    def wrapped(texts: Sequence[str], _: int) -> list[list[str]]:
-        said.extend(texts)
-        return [[text] for text in texts if text]
-
-    monkeypatch.setattr("pipeline.formats.passage_plan._wrapped", wrapped)
+def test_the_passage_plan_says_hold() -> None:
     for result, holds in ((small_run.parts(), True), (runs.open_sea(), False)):
-        said.clear()
-        write_passage_plan(result, tmp_path / "a.pdf")
-        assert any("set Loiter or Hold, not return" in text for text in said) == holds
-        assert not any("no fence" in text for text in said)
+        for case in result.cases:
+            found = plan_section(case)
+            assert found is not None
+            said = found["sentences"]
+            assert any("set Loiter or Hold, not return" in text for text in said) == holds
+            assert not any("no fence" in text for text in said)

@@ -28,7 +28,6 @@ from pipeline.formats.passage.waypoints import (
     waypoint_names,
     wrapped_longitude,
 )
-from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.tables import write_metrics
 from pipeline.texts import clean
 from pipeline.write import formats_of
@@ -179,13 +178,6 @@ def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
     assert (gpx.description or "").count(name) == 2
     assert name.split()[0] in (gpx.copyright_author or "")
     assert len(pyogrio.read_dataframe(path, layer="routes")) == len(case.followed)
-
-
-@pytest.mark.gate_share(3)
-def test_passage_plan(named: tuple[str, RunResult], tmp_path: Path) -> None:
-    """Every name is drawn without a warning; characters that the font lacks are white squares."""
-    write_passage_plan(named[1], tmp_path / "passage-plan.pdf")
-    assert (tmp_path / "passage-plan.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_geojson(named: tuple[str, RunResult], tmp_path: Path) -> None:
