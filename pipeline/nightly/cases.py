@@ -419,9 +419,8 @@ def _vessels(spec: CaseSpec, refuse: _Refuse) -> tuple[VesselSpec | None, ...]:
 
 def _seasons(spec: CaseSpec, scenario: Scenario, refuse: _Refuse) -> tuple[Season, ...]:
     """Return the scenario's seasons that the table asks for."""
-    wait = {"limits.wait": scenario.limits is not None and scenario.limits.wait_s}
-    for key in ("via", "avoid", "tide", "limits.wait"):
-        if wait.get(key) or getattr(scenario, key, None):
+    for key in ("via", "avoid", "tide"):
+        if getattr(scenario, key):
             refuse(
                 "scenario",
                 f"{scenario.name} has '{key}', which a night can't plan with; leave it out",

@@ -41,7 +41,6 @@ class VesselLimits(StrictModel):
     wind_m_s: _Figure | None = None
     gust_m_s: _Figure | None = None
     wind_against_current: AgainstCurrent | None = None
-    anchor_m: _Figure | None = None
     leeway: _Figure | None = Field(default=None, le=0.5)
 
 

@@ -207,8 +207,6 @@ def _waiting_faults(scenario: Scenario) -> Iterator[str]:
             f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
             "waits, or plan the way on from there by itself"
         )
-    if waiting and scenario.limits is not None and scenario.limits.wait_s:
-        yield f"has {waiting[0]} and limits.wait; leave one out, as a plan chooses one wait"
     has_hours = bool(_keys_with_hours(scenario))
     for season in scenario.seasons if waiting else ():
         if season.first_departure is None or not (season.is_changing or has_hours):

@@ -100,12 +100,6 @@ class LimitsSpec(VesselLimits):
 
     waves: Annotated[tuple[strict.PathText, ...], BeforeValidator(as_files)] = ()
     wind: Annotated[tuple[strict.PathText, ...], BeforeValidator(as_files)] = ()
-    wait: Annotated[Span, AfterValidator(_short_wait)] = "0min"
-
-    @property
-    def wait_s(self) -> float:
-        """Longest wait, s."""
-        return span(self.wait).total_seconds()
 
 
 class HavensSpec(StrictModel):

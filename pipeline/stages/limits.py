@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.projection import Projection
-from pipeline.model import Case, CaseResult, CurrentGrid, Land, Note
+from pipeline.model import Case, CaseResult, CurrentGrid, Note
 from pipeline.model.inputs import LimitedField
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.model import Scenario
@@ -110,15 +109,6 @@ def over_limits(
                 yield OverLimit(cell, begin, end, field.name, most, field.unit)
         end = float(field.times_s[-1])
         yield OverLimit(shapely.Polygon(extent.exterior), end, name=field.name, unit=field.unit)
-
-
-def anchorage(limits: VesselLimits, land: Land, projection: Projection) -> BaseGeometry | None:
-    """Return the water (planar m) that is charted as shallow enough to anchor in; None without."""
-    most_m = limits.anchor_m or 0.0
-    areas = [one.area for one in land.depth_areas if one.greatest_m <= most_m]
-    if not areas:
-        return None
-    return shapely.union_all(projection.geometry_to_plane(np.array(areas, dtype=object)))
 
 
 def _joined(field: LimitedField) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -95,10 +95,7 @@ def plan_cases(
         on_case(status)
 
     def work(task: CaseTask) -> str:
-        case = cases[task.case].copy()
-        if known := chosen.known.get(task.case):
-            case = replace(case, known=(known[0], case.areas, known[1]))
-        done[task.case] = task.planned(case, on_step)
+        done[task.case] = task.planned(cases[task.case].copy(), on_step)
         return done[task.case].failure
 
     if waiting:

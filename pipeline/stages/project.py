@@ -39,7 +39,7 @@ from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages import places
 from pipeline.stages.lanes import kept_lanes
-from pipeline.stages.limits import FlowAt, anchorage, limited_fields, over_limits
+from pipeline.stages.limits import FlowAt, limited_fields, over_limits
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
@@ -146,7 +146,6 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                 ),
                 weather=weather,
                 leeway=leeway,
-                anchorage=anchorage(scenario.weather_limits, fetched.land, water.projection),
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
                 speeds=SpeedChoice.of(season),

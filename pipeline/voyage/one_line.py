@@ -81,7 +81,6 @@ def go(
     max_wave: str = "",
     wind: Sequence[str | Path] = (),
     max_wind: str = "",
-    wait: str = "",
     members: str = "",
     name: str = "",
     output: Path = Path("outputs"),
@@ -245,7 +244,6 @@ def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
             wave_m=request.max_wave,
             wind=list(map(str, request.wind)),
             wind_m_s=request.max_wind,
-            wait=request.wait,
         ),
     )
 
