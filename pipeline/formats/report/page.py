@@ -32,7 +32,7 @@ from pipeline.formats.figures.plots import (
     trade_off_figure,
 )
 from pipeline.formats.figures.season_map import case_svg
-from pipeline.formats.passage.missions import MAX_VERTICES, autopilot
+from pipeline.formats.passage.missions import MAX_VERTICES, fence_of
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -561,16 +561,12 @@ def _times_text(points: Waypoints) -> str:
 
 def _autopilot_texts(case: RunCase) -> Iterator[str]:
     """Yield what the navigator has to set on an autopilot, because the mission's file can't."""
-    told = autopilot(case)
-    if told.fence is None:
+    if fence_of(case) is None:
         yield (
             f"The mission has no fence: no fence with {MAX_VERTICES} vertices or fewer was found "
             "that holds the legs and stays out of the soft no-go zone; draw one by hand."
         )
-    if told.rally is None:
-        yield (
-            "On an autopilot, set Loiter or Hold, not return, for a lost link and a fence breach; "
-            "Hold lets the vessel drift. A return is a straight line to the start or the nearest "
-            "rally point, and from some places of this route it is not clear of hard and soft "
-            "no-go areas."
-        )
+    yield (
+        "On an autopilot, set Loiter or Hold, not return, for a lost link and a fence breach: a "
+        "return is a straight line, whatever lies on it; Hold lets the vessel drift."
+    )
