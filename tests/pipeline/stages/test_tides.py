@@ -154,7 +154,7 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     departure = result.case("day").spec.departure
     assert departure is not None
     table = rows(points, departure)
-    assert leg_headings(points)["water"] == "Water under\nkeel, m"
+    assert leg_headings(points)["water"] == "Water under keel, m"
     depth = result.planned["day"].tidal_depth
     assert depth is not None
     tide = shapely.union_all(depth.areas)

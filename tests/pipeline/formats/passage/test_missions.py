@@ -14,7 +14,7 @@ import shapely
 from pymavlink import mavutil, mavwp
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.missions import KEPT_SHARE, write_mission, write_plan
+from pipeline.formats.passage.missions import KEPT_SHARE, fence_of, write_mission, write_plan
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints
 from pipeline.formats.report.page import plan_section
 from tests.pipeline.formats import runs, small_run
@@ -217,7 +217,7 @@ def test_nothing_is_promised_across_180_degrees_or_from_v(name: str, tmp_path: P
     result = getattr(runs, name)()
     content = written(result, tmp_path)
     assert content["geoFence"]["polygons"] == content["rallyPoints"]["points"] == []
-    assert autopilot(result.case(season_of(result))).rally is None
+    assert fence_of(result.case(season_of(result))) is None
 
 
 @pytest.mark.parametrize(("name", "is_fenced"), [("open_sea", True), ("harbours", False)])
