@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+import shutil
+import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -282,6 +285,23 @@ def test_a_curvilinear_grid_text_and_damage_are_refused(tmp_path: Path) -> None:
         with pytest.raises(RequestError, match=reason) as caught:
             DepthFile.open(tmp_path / name)
         assert len(caught.value.faults) == 1
+
+
+def test_a_geotiff_is_refused_with_the_command_that_makes_netcdf_of_it(tmp_path: Path) -> None:
+    if shutil.which("gdalwarp") is None:
+        pytest.skip("GDAL's commands are not installed")
+    heights = np.where(np.isnan(HEIGHT), -9999.0, HEIGHT)
+    depth_grids.dataset(LON, LAT, heights, "elevation").to_netcdf(tmp_path / "0.nc")
+    made = ["gdal_translate", "-q", "-a_srs", "EPSG:4326", "-a_nodata", "-9999", "0.nc", "1.tif"]
+    subprocess.run(made, check=True, cwd=tmp_path)
+    with pytest.raises(RequestError, match="convert it to NetCDF") as caught:
+        DepthFile.open(tmp_path / "1.tif")
+    (command,) = re.findall(r"`(.*?)`", str(caught.value))
+    subprocess.run([*command.split(), "-q", "1.tif", "1.nc"], check=True, cwd=tmp_path)
+    found = DepthFile.open(tmp_path / "1.nc", "up").heights((-180, -90, 180, 90))
+    assert found is not None
+    np.testing.assert_array_equal(np.isnan(found.height_m), np.isnan(HEIGHT))
+    np.testing.assert_allclose(found.height_m, HEIGHT, atol=1e-3)
 
 
 def test_of_curved_lines_the_highest_around_counts(tmp_path: Path) -> None:
