@@ -166,7 +166,7 @@ def _limit_faults(scenario: Scenario) -> Iterator[str]:
     spec, limits = scenario.limits, scenario.weather_limits
     if spec is None:
         return
-    by_wind = {"wind_m_s", "gust_m_s", "wind_against_current", "leeway"}
+    by_wind = {"wind_m_s", "gust_m_s", "leeway"}
     by_key = (("waves", "wave_m = 1.2", {"wave_m", "period_s"}), ("wind", "wind_m_s = 12", by_wind))
     for key, option, names in by_key:
         given = [name for name in sorted(names) if getattr(spec, name) is not None]

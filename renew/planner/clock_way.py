@@ -43,8 +43,6 @@ _EVER = 1e9
 _HORIZON = 30 * 86_400.0
 # Largest number of times that a leg begins later, until all of it is open.
 _TRIES = 12
-# Times (s) that are one, but for rounding.
-_SAME = 1e-3
 
 
 class TimedWay(NamedTuple):
@@ -209,7 +207,6 @@ class _Ways(NamedTuple):
     water: Stream
     labels: _Labels
     since: FloatArray
-    under_way: FloatArray
     is_done: BoolArray
 
 
@@ -233,8 +230,8 @@ def _open_from(shut: _ShutHours, x: float, y: float, time: float) -> float:
 
 
 @kernel
-def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray, FloatArray]:
-    """Return a label for each open spell of each node, since when it is open, and time under way.
+def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray]:
+    """Return a label for each open spell of each node, and since when it is open.
 
     The spells of a node are first[node] to first[node + 1]; nothing is reached yet.
     """
@@ -245,7 +242,7 @@ def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray,
         np.full(count, np.inf),
         np.full(count, -1, dtype=np.int64),
     )
-    since, under_way = np.full(count, -np.inf), np.full(count, np.inf)
+    since = np.full(count, -np.inf)
     for node in range(len(first) - 1):
         spell = shut.first[node]
         for k in range(first[node], first[node + 1]):
@@ -255,7 +252,7 @@ def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray,
             if k < first[node + 1] - 1:
                 labels.until[k] = shut.begin[spell]
             spell += 1
-    return labels, since, under_way
+    return labels, since
 
 
 @kernel
@@ -270,12 +267,12 @@ def _first_arrivals(
     shut, between = hours
     # A node has an open spell more than spells in which it is shut.
     first = shut.first + np.arange(nodes + 1)
-    labels, since, under_way = _new_labels(shut, first)
+    labels, since = _new_labels(shut, first)
     queue = [(np.inf, -1)]
     for k in range(first[START], first[START + 1]):
         begin = max(departure, since[k])
         if labels.until[k] >= begin and begin <= departure:
-            labels.arrival[k], under_way[k] = begin, 0.0
+            labels.arrival[k] = begin
             heapq.heappush(queue, (begin + to_go[START], k))
     is_done = np.zeros(len(since), dtype=np.bool_)
     while len(queue) > 1:
@@ -286,7 +283,7 @@ def _first_arrivals(
         node = labels.node[k]
         if node == GOAL:
             return labels, k
-        ways = _Ways(graph, first, between, water, labels, since, under_way, is_done)
+        ways = _Ways(graph, first, between, water, labels, since, is_done)
         _go_on(ways, k, to_go, queue)
     return labels, -1
 
@@ -306,14 +303,8 @@ def _go_on(ways: _Ways, k: int, to_go: FloatArray, queue: list[tuple[float, int]
             )
             if leave > now:
                 break
-            sailed = ways.under_way[k] + arrival - leave
-            is_earlier = arrival < labels.arrival[q] - _SAME
-            is_same = arrival <= labels.arrival[q] + _SAME
-            if arrival <= labels.until[q] and (
-                is_earlier or (is_same and sailed < ways.under_way[q])
-            ):
+            if arrival <= labels.until[q] and arrival < labels.arrival[q]:
                 labels.arrival[q], labels.came_from[q] = arrival, k
-                ways.under_way[q] = sailed
                 heapq.heappush(queue, (arrival + to_go[other], q))
 
 

@@ -227,7 +227,7 @@ def test_in_open_water_no_value_between_nodes_and_hours_is_over_the_limit(size: 
     )
     values += rng.uniform(0, 0.2, values.shape)
     grid = field(values)
-    (limited,) = limited_fields({"wave_m": grid}, VesselLimits(wave_m=1.2), lambda at, _: 0 * at)
+    (limited,) = limited_fields({"wave_m": grid}, VesselLimits(wave_m=1.2))
     projection = Projection.for_region(shapely.box(10, 50, 11, 50.6), 1.0, None)
     extent = shapely.Polygon(
         projection.to_plane(
@@ -252,26 +252,6 @@ def test_in_open_water_no_value_between_nodes_and_hours_is_over_the_limit(size: 
     assert over.sum() > 500
     assert not (over & ~shut).any()
     assert shut.mean() < over.mean() + 0.35
-
-
-def test_wind_counts_against_the_current_only_where_the_two_are_opposed() -> None:
-    """A wind from the west over a current that runs west in the south, and east in the north."""
-    values = np.full((3, 9, 9), 9.0)
-    grid = field(values)
-    limits = VesselLimits.model_validate(
-        {"wind_against_current": {"wind_m_s": 8.0, "current_m_s": 0.5}}
-    )
-
-    def flow(lonlat: FloatArray, time: float) -> FloatArray:
-        del time
-        east = np.where(lonlat[..., 1] < 50.3, -0.7, 0.7)
-        return np.stack([east, np.zeros_like(east)], axis=-1)
-
-    (limited,) = limited_fields({"wind_against_current": grid}, limits, flow)
-    south = limited.values[:, limited.lat < 50.29]
-    north = limited.values[:, limited.lat > 50.31]
-    assert (south > limited.limit).all()
-    assert not north.any()
 
 
 def test_a_case_with_a_later_clock_keeps_its_weather() -> None:
