@@ -6,6 +6,7 @@ output has to look again.
 
 import re
 import unicodedata
+from datetime import datetime
 
 # Controls, halves of surrogate pairs and what is no character: terminals obey some (escape
 # sequences set titles and the clipboard), and XML can't hold them.
@@ -45,6 +46,13 @@ def acts(name: str) -> str:
     if "\ud800" <= acting[0] <= "\udfff":
         return "a byte that is not UTF-8"
     return f"U+{ord(acting[0]):04X}, which acts on screens"
+
+
+def in_years(moment: datetime) -> datetime:
+    """Return a moment; ValueError where its year is none in which every library's clock runs."""
+    if not 1700 <= moment.year < 2200:
+        raise ValueError(f"= {moment.isoformat()} is not in the years 1700 to 2199")
+    return moment
 
 
 def cell(value: object) -> object:

@@ -187,10 +187,9 @@ def check_route(
         from pipeline.voyage.route_file import read_route
 
         route = read_route(file)
-        start, goal = route.ends
         if not given["depart"] and not given["month"] and route.points[0].time:
             given["depart"] = route.points[0].time
-        request = read_voyage({**given, "start": start, "goal": goal}, "command")
+        request = read_voyage({**given, **route.stops}, "command")
         asked = voyage_scenario(request)
         with progress(*asked, quiet=quiet, as_json=as_json) as on_event:
             run, found = checked(request, asked, route, on_event)

@@ -143,7 +143,10 @@ class Command(_WholeWords, TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - see above
         """Parse the arguments; a space before a minus hides it from the option parser."""
-        return super().parse_args(ctx, [f" {a}" if _NEGATIVE.match(a) else a for a in args])
+        rest = super().parse_args(ctx, [f" {a}" if _NEGATIVE.match(a) else a for a in args])
+        texts = {name: one for name, one in ctx.params.items() if isinstance(one, str)}
+        ctx.params |= {name: one.strip() for name, one in texts.items()}
+        return rest
 
     def format_options(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - see above
         """Write arguments and options in groups, in the order in which the groups first occur."""

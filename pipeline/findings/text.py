@@ -200,8 +200,9 @@ def gap_figure(share: float) -> str:
 
 
 def capitalised(text: str) -> str:
-    """Begin a text with a capital."""
-    return f"{text[:1].upper()}{text[1:]}"
+    """Begin a text with a capital, unless its first word is the name of a file."""
+    is_file = not {*text.partition(" ")[0].rstrip(".,:;")}.isdisjoint("._/")
+    return text if is_file else f"{text[:1].upper()}{text[1:]}"
 
 
 def speed_over_ground(metrics: RouteMetrics) -> float:

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
@@ -111,7 +111,7 @@ class VoyageSpec(strict.StrictModel):
     positions: strict.PathAsGiven
     currents: Annotated[_MEMBERS, Field(min_length=1)]
     season: str = ""
-    departed: AwareDatetime | None = None
+    departed: strict.Moment | None = None
 
 
 class NightSpec(strict.StrictModel):

@@ -113,6 +113,8 @@ class VesselSpec(StrictModel):
 
 
 Section = Literal["scenarios", "vessels", "sources"]
+DRAUGHT = "give it in metres, with the vessel's figures (--draught) or in its file (draught_m)"
+"""The remedy where a chart with depths needs a vessel's draught."""
 EXAMPLE = "`renew show palawan-season` prints one to start from"
 SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
 

@@ -258,10 +258,7 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
             remedy = f"; give {what}" if reason == paths.NOT_THERE else ""
             yield f"{key} = '{paths.shown(path)}' {reason}{remedy}"
     if chart.depths and scenario.vessel.draught_m is None:
-        yield (
-            "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught in "
-            "metres (--draught)"
-        )
+        yield f"vessel.draught_m is missing, and chart.depths needs it: {catalogue.DRAUGHT}"
 
 
 def _kept_members(scenario: Scenario) -> Iterator[str]:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    AwareDatetime,
     BeforeValidator,
     Discriminator,
     Field,
@@ -147,7 +146,7 @@ class UnderWay(StrictModel):
 
     results: Annotated[str, AfterValidator(_behind_link)]
     season: strict.Name
-    departed: AwareDatetime
+    departed: strict.Moment
     heading_deg: strict.Number | None = Field(default=None, ge=0, le=360)
     same_currents: bool = False
     switch_above: strict.Number = Field(default=0.02, ge=0, le=1)

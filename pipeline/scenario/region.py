@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
-    AwareDatetime,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -181,8 +180,8 @@ class AvoidedArea(_VectorKeys):
     model_config = ConfigDict(populate_by_name=True)
 
     path: strict.PathText
-    begin: AwareDatetime | None = Field(default=None, alias="from")
-    until: AwareDatetime | None = None
+    begin: strict.Moment | None = Field(default=None, alias="from")
+    until: strict.Moment | None = None
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:

@@ -13,7 +13,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    AwareDatetime,
     BeforeValidator,
     Discriminator,
     Field,
@@ -25,9 +24,10 @@ from pipeline.scenario import strict
 from pipeline.scenario.strict import StrictModel
 
 # Forms of a season's `valid`; whether the date exists is checked by `datetime`.
-_INSTANT = re.compile(r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}Z", re.ASCII)
-_DAY = re.compile(r"\d{4}-\d{2}-\d{2}", re.ASCII)
-_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+# The years are those of `in_years`.
+_MONTH = re.compile(r"(?:1[7-9]|2[01])\d{2}-\d{2}", re.ASCII)
+_DAY = re.compile(rf"{_MONTH.pattern}-\d{{2}}", re.ASCII)
+_INSTANT = re.compile(rf"{_DAY.pattern}T\d{{2}}:\d{{2}}Z", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def period(valid: str) -> Period:
         if _MONTH.fullmatch(valid):
             begin = datetime.strptime(valid, "%Y-%m").replace(tzinfo=UTC)
             return Period(begin, (begin + timedelta(days=31)).replace(day=1))
-        reason = "it has another form"
+        reason = "it has another form, or a year before 1700 or after 2199"
     except (ValueError, OverflowError) as error:
         reason = str(error)
     raise ValueError(
@@ -106,10 +106,10 @@ class DepartureTimes(StrictModel):
     The end of a window, `last`, is one of them too, even if `every` does not lead to it.
     """
 
-    first: AwareDatetime
+    first: strict.Moment
     every: Interval = "1h"
     count: Count
-    last: AwareDatetime | None = None
+    last: strict.Moment | None = None
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:
@@ -300,10 +300,10 @@ class Season(StrictModel):
     current_variables: tuple[str, str] | None = None
     gyre: Gyre | None = None
     uniform: Uniform | None = None
-    departure: AwareDatetime | None = None
+    departure: strict.Moment | None = None
     departures: DepartureTimes | None = None
     to_within: Interval | None = None
-    arrive_by: AwareDatetime | None = None
+    arrive_by: strict.Moment | None = None
     speed: SpeedRange | None = None
     members: MembersSpec | None = None
     max_hours: strict.Positive | None = Field(default=None, le=MAX_HOURS)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
+    AwareDatetime,
     BaseModel,
     ConfigDict,
     Field,
@@ -27,7 +28,7 @@ from pydantic import (
 
 from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import resolved, shown as shown_path, unusable_reason
-from pipeline.texts import clean
+from pipeline.texts import clean, in_years
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -149,6 +150,7 @@ def usable_path(text: str, info: ValidationInfo) -> str:
     return DiskPath(resolved(info.context["folder"] / text if is_relative else text, "scenario"))
 
 
+Moment = Annotated[AwareDatetime, AfterValidator(in_years)]
 PathText = Annotated[str, AfterValidator(usable_path)]
 _SimpleRing = AfterValidator(_simple_polygon)
 Corners = Annotated[tuple[Point, ...], Field(min_length=3), _SimpleRing]

@@ -194,10 +194,9 @@ def _check(asked: Mapping[str, Any]) -> None:
     """Check a route as `renew check-route` does, and send what was found."""
     given = dict(asked["options"])
     route = read_route(Path(given.pop("route")))
-    ends = dict(zip(("start", "goal"), route.ends, strict=True))
     if not given["depart"] and not given["month"] and route.points[0].time:
         given["depart"] = route.points[0].time
-    request, scenario, notes = _scenario({**asked, "options": {**given, **ends, "via": []}})
+    request, scenario, notes = _scenario({**asked, "options": {**given, **route.stops}})
     run, checked = check_route(request, (scenario, notes), route, _tell_event)
     said = {one.given.season: [*checked_lines(one, route)] for one in checked}
     _tell_result(run, said)

@@ -119,8 +119,7 @@ def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> D
     """Return which depths are deep enough for a draught with the under-keel clearance."""
     if draught_m is None:
         raise RequestError(
-            "vessel.draught_m is missing, and the chart has depths: give the vessel's draught in "
-            "metres"
+            f"vessel.draught_m is missing, and the chart has depths: {catalogue.DRAUGHT}"
         )
     return DepthRule(draught_m + chart.under_keel_clearance_m, tide)
 
@@ -228,7 +227,7 @@ class EmbeddedTable(CurrentSource):
         if case.is_changing:
             return (
                 f"{self.spec.name} has one field for a season, and season {case.name!r} has "
-                "time_method = 'changing'; give a file with time steps in 'currents'"
+                "time_method = 'changing'; give a file with time steps (--currents, or 'currents')"
             )
         if part is None:
             return (
@@ -239,8 +238,8 @@ class EmbeddedTable(CurrentSource):
         if not lacking:
             return ""
         return (
-            f"{self.spec.name} has no data {' nor '.join(lacking)}; shrink the region or name "
-            "another source in 'currents'"
+            f"{self.spec.name} has no data {' nor '.join(lacking)}; name another source "
+            "(--currents, or 'currents'), or in a scenario a smaller region"
         )
 
     def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:

@@ -89,7 +89,9 @@ def check_endpoints(scenario: Scenario, chart_water: model.Water) -> None:
                 f"{other} = {list(scenario.stops[other])} lies in another body of water than "
                 f"{start} = {list(scenario.stops[start])}: no water connects them in this chart. "
                 f"The nearest water that joins the {kept} is {distance} from the {moved}, at "
-                f"{place}; move the {moved} there" + ", or widen the region" * open_ended
+                f"{place}; move the {moved} there"
+                + ", or in a scenario widen its region"
+                * open_ended
             )
             raise (NoWayError if open_ended else RequestError)([text])
 

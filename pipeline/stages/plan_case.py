@@ -137,7 +137,7 @@ def reason_text(error: renew.PlanningError, case: model.Case, *, refuses: bool =
     if late := next((one for one in causes if isinstance(one, TooLateError)), None):
         return (
             f"every way takes too long: {spelled(late.text)}. Its currents end too early: give "
-            "currents that reach further, raise its max_hours if they do, or depart earlier"
+            "currents that reach further, in a scenario raise its max_hours, or depart earlier"
         )
     why = causes[0].text
     if error.straits:
@@ -155,7 +155,8 @@ def reason_text(error: renew.PlanningError, case: model.Case, *, refuses: bool =
     would += " and clearance = 0" * would.startswith("padding = ")
     remedy = "no other padding or risk leaves one"
     if would:
-        remedy = f"in a scenario, {would} under [planner] would leave one"
+        typed = " (--padding, --clearance)" * would.startswith("padding = ")
+        remedy = f"in a scenario, {would} under [planner]{typed} would leave one"
     if refuses:
         remedy += '; shortfall = "least" (--shortfall least) keeps as much as there is room for'
     return f"no way has room: {spelled(why)}; {remedy}"

@@ -93,6 +93,7 @@ def check_route(
     said = (
         *notes,
         *([f"the first of {route.others + 1} routes of the file was checked"] * bool(route.others)),
+        *(f"it ends where it begins: routes beside it pass {one}" for one in route.stops["via"]),
     )
     chosen, land = prepare(
         scenario, request.output, offline=request.offline, holding=line, on_event=on_event
@@ -151,8 +152,8 @@ def _assessed(
 ) -> tuple[renew.AssessedPath, list[renew.Route], CaseResult]:
     """Assess a path (n, 2), and measure it and the routes beside it; the path comes first."""
     found = renew.assess(
-        path, case.chart, case.current, case.vessel, avoid=case.areas, depth=case.tidal_depth,
-        options=plan_options(options, min_lateness=MIN_LATENESS_S),
+        path, case.chart, case.current, case.vessel, via=case.via, avoid=case.areas,
+        depth=case.tidal_depth, options=plan_options(options, min_lateness=MIN_LATENESS_S),
     )  # fmt: skip
     if not np.isfinite(found.fuel):
         slow = path[np.isfinite(found.times)][-1]
@@ -162,7 +163,10 @@ def _assessed(
         )
     routes = [*dict.fromkeys(filter(None, (found.route, found.same_side, found.best)))]
     result = CaseResult(case.name, renew.Plan(tuple(routes), ()), "", 0.0)
-    return found, routes, replace(result, measures=measured(case, result, options))
+    result = replace(result, measures=measured(case, result, options))
+    # Ways have the names that they have among all routes of a plan.
+    every = tuple(dict.fromkeys((*routes, *found.routes)))
+    return found, routes, replace(result, plan=renew.Plan(every, ()))
 
 
 def _checked(

@@ -191,6 +191,8 @@ def _plain(typed: str) -> str:
             "and Portuguese; write E or W"
         )
     if _LETTERS.search(plain):
+        if re.search(r"\d\s*/\s*\d", typed):
+            raise ValueError("has a fraction; give decimals, such as 12.5N")
         plain = _COMMA_BEFORE.sub("", re.sub("[XY]", "", plain)).strip()
         plain = _COMMA.sub(".", _HYPHEN.sub(" ", plain))
         form = _LETTERS_BEFORE if plain[0] in _AXIS else _LETTERS_AFTER

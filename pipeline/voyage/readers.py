@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.machine.paths import NOT_THERE, expanded, resolved, shown, unreadable_reason
+from pipeline.texts import in_years
 from pipeline.voyage.table import each
 
 if TYPE_CHECKING:
@@ -126,10 +127,11 @@ def zoned_time(given: str | datetime) -> datetime:
     try:
         time = datetime.fromisoformat(given) if isinstance(given, str) else given
         if time.tzinfo is not None:
-            return time.astimezone(UTC)
+            return in_years(time).astimezone(UTC)
     except (ValueError, OverflowError):
         raise ValueError(
-            f"{given} is not a time; give date, time and zone, such as 2026-11-22T06:00Z"
+            f"{given} is not a time of the years 1700 to 2199; give date, time and zone, such as "
+            "2026-11-22T06:00Z"
         ) from None
     text = time.isoformat(timespec="minutes")
     raise ValueError(f"{given} has no zone; add it: {text}Z for UTC, or {text}+08:00")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pipeline.errors import RequestError
 from pipeline.voyage import readers
-from pipeline.voyage.positions import Position, read_end, read_position, read_stop
+from pipeline.voyage.positions import Position, read_end, read_position, read_stop, spelled
 from pipeline.voyage.table import Asker, each, read, read_folder
 
 if TYPE_CHECKING:
@@ -121,6 +121,8 @@ def faults_of_pairs(
     yield from _faults_of_times(values, asked, at, is_range=is_range)
     yield from _faults_of_months(asked, at, is_range=is_range)
     yield from _faults_of_files(asked, at, values.vessel)
+    if values.start and values.goal and values.via:
+        yield from _faults_of_via((values.start, values.goal), values.via, at.via)
     if values.tide:
         yield from _faults_of_stations(values.tide)
 
@@ -227,6 +229,25 @@ def _faults_of_files(
         yield f"{at.current_variables} are those of files; add {at.currents} FILE"
     if asked.datum and not asked.charts and not asked.depths:
         yield (f"{at.datum} = {asked.datum!r} is of charted depths; add {at.depths} or {at.charts}")
+
+
+def _km(one: Position, other: Position) -> float:
+    """Return the distance between two positions, km."""
+    from pyproj import Geod
+
+    return float(Geod(ellps="WGS84").inv(one.lon, one.lat, other.lon, other.lat)[2]) / 1000
+
+
+def _faults_of_via(ends: Sequence[Position], via: Sequence[Position], option: str) -> Iterator[str]:
+    """Yield points in another sea than start and goal, unless these are one harbour: a slip."""
+    direct = _km(*ends)
+    for point in via:
+        off = min(_km(point, end) for end in ends)
+        if direct > 10 and off > max(1_000, 10 * direct):
+            yield (
+                f"{option} {spelled(point)} lies {off:,.0f} km from start and goal, which are "
+                f"{direct:,.0f} km apart; correct it, or plan to it and from it as two voyages"
+            )
 
 
 def _faults_of_stations(stations: tuple[str, ...]) -> Iterator[str]:

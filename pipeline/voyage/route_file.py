@@ -23,6 +23,7 @@ from pipeline.errors import RequestError
 from pipeline.formats.passage.safe_corridor import Curve, curve_for, in_pieces
 from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.texts import clean
+from pipeline.voyage.request import SNAP_M
 
 # Largest file that is read, bytes: checkers of RTZ refuse 400 kB, and a track of a month has 10 MB.
 _MOST_BYTES = 50_000_000
@@ -32,6 +33,8 @@ _MOST_POINTS = 100_000
 _PIECE_M = 2_000.0
 # Number of metres of a degree of latitude, roughly.
 _DEGREE_M = 111_000.0
+# A route ends where it begins if its ends are apart by less than this share of its farthest point.
+_HOME_SHARE = 0.1
 # What the libraries that read a file raise where it is damaged; lxml's error is a SyntaxError.
 _DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, SyntaxError)
 
@@ -67,15 +70,18 @@ class GivenRoute:
         return self.points[-1].curve is not None
 
     @property
-    def ends(self) -> tuple[str, str]:
-        """Its ends as positions that have one meaning."""
-        ends = self.lonlat[[0, -1]]
-        ends[:, 0] = (ends[:, 0] + 180) % 360 - 180
-        start, goal = (
+    def stops(self) -> dict[str, Any]:
+        """Its ends, and of one that ends where it begins its farthest point, as `go` takes them."""
+        off = (self.lonlat - self.lonlat[0]) * [np.cos(np.radians(self.lonlat[0, 1])), 1.0]
+        far_m = _DEGREE_M * np.hypot(*off.T)
+        is_closed = bool(far_m[-1] < min(SNAP_M, _HOME_SHARE * far_m.max()))
+        places = self.lonlat[[0, *[far_m.argmax()] * is_closed, -1]]
+        places[:, 0] = (places[:, 0] + 180) % 360 - 180
+        start, *via, goal = (
             f"{abs(lat):.8f}{'NS'[lat < 0]} {abs(lon):.8f}{'EW'[lon < 0]}"
-            for lon, lat in ends.tolist()
+            for lon, lat in places.tolist()
         )
-        return start, goal
+        return {"start": start, "via": via, "goal": goal}
 
     @property
     def drawn(self) -> tuple[FloatArray, list[int]]:

@@ -161,8 +161,8 @@ class ClassEnumerator:
         first, last = triangulation.locate(voyage.start), triangulation.locate(voyage.goal)
         if not is_connected(triangulation, first, last):
             raise UnreachableError(
-                "no water joins {0} and {1}: the no-go zone separates them. Widen the extent, join "
-                "fewer islands, or move one of the two",
+                "no water joins {0} and {1}: the no-go zone separates them. Move one of "
+                "the two, or give a chart of more water between them (--charts)",
                 voyage.start,
                 voyage.goal,
             )

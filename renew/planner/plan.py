@@ -150,7 +150,7 @@ def check_start_open(request: Request, departure: float, longest: float = 0.0) -
         return
     remedy = "It does not open again: move it"
     if opens < math.inf:
-        wait = f", or let the vessel wait{' longer' if longest else ''} (wait in [limits])"
+        wait = f", or let the vessel wait{' longer' if longest else ''} (--wait, [limits])"
         remedy = "Depart after {2}" + wait * any(isinstance(area, OverLimit) for area in shut)
     named = _named(shut, departure)
     raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, Moment(opens))
@@ -455,7 +455,7 @@ def unavoidable(
     if failure is not None and not isinstance(failure, (StartInNoGoError, GoalInNoGoError)):
         around = Text("; around them: {0}", ((causes[0] if causes else failure).text,))
     is_weather = any(isinstance(area, OverLimit) for area in closed)
-    otherwise = "the vessel wait (wait in [limits])" if is_weather else "the area be entered"
+    otherwise = "the vessel wait (--wait, [limits])" if is_weather else "the area be entered"
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
         f"{otherwise}",

@@ -16,7 +16,7 @@ from renew.errors import InfeasibleError, PlanningError, Text
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentLike
 from renew.inputs.openings import ShutArea, TidalDepth
-from renew.inputs.options import Changes, PlanOptions
+from renew.inputs.options import Changes, PlanOptions, ViaPoints
 from renew.planner.plan import finished, meetings, plan_request, planner_of
 from renew.request import Request
 from renew.results import Route
@@ -45,6 +45,7 @@ class AssessedPath:
     homotopy : the name of its class; of no meaning where it crosses land.
     shut : texts on the areas that it enters, or may meet while they are shut.
     same_side, best : the least-fuel routes of its class and of all classes; None if there is none.
+    routes : those of all classes that a plan finds, least fuel first.
     cause : the error that says why there is none, or None.
     """
 
@@ -59,6 +60,7 @@ class AssessedPath:
     shut: tuple[Text, ...]
     same_side: Route | None
     best: Route | None
+    routes: tuple[Route, ...]
     cause: PlanningError | None
 
 
@@ -69,6 +71,7 @@ def assess(
     vessel: Vessel,
     *,
     departure: float = 0.0,
+    via: ViaPoints = (),
     avoid: Sequence[ShutArea] = (),
     depth: TidalDepth | None = None,
     options: PlanOptions | None = None,
@@ -80,7 +83,7 @@ def assess(
     ----------
     path : array_like
         Polyline (n, 2), m, whoever drew it; it may cross land.
-    chart, current, vessel, avoid, depth, options, **changes
+    chart, current, vessel, via, avoid, depth, options, **changes
         As for :func:`renew.plan`, which plans between the path's ends.
     departure : float
         When it is begun, s, on the clock of the current.
@@ -98,9 +101,9 @@ def assess(
     path = as_path(path)
     request = Request.of(
         chart, current, vessel, (path[0], path[-1]), options=options, changes=changes,
-        departure=departure, avoid=avoid, depth=depth,
+        departure=departure, via=via, avoid=avoid, depth=depth,
     )  # fmt: skip
-    best, same_side, route, cause = _beside(path, request)
+    routes, same_side, route, cause = _beside(path, request)
     turns = contingency(
         route, chart, current, vessel, departure=departure, drift=request.options.drift,
         spacing=_SPACING * vessel.turning_radius, seed=request.options.seed,
@@ -117,7 +120,8 @@ def assess(
         homotopy=route.homotopy,
         shut=tuple(_shut_on(route, request, avoid)),
         same_side=same_side,
-        best=best,
+        best=next(iter(routes), None),
+        routes=routes,
         cause=cause,
     )
 
@@ -136,8 +140,8 @@ def _shut_on(route: Route, request: Request, avoid: Sequence[ShutArea]) -> Itera
 
 def _beside(
     path: FloatArray, request: Request
-) -> tuple[Route | None, Route | None, Route, PlanningError | None]:
-    """Return the best route of all and of a path's class, the path as a route, and why not.
+) -> tuple[tuple[Route, ...], Route | None, Route, PlanningError | None]:
+    """Return the routes of all classes, that of a path's class, the path as a route, and why not.
 
     The path (n, 2) joins the request's ends.
     """
@@ -145,18 +149,18 @@ def _beside(
         plan = finished(plan_request(request), request)
         planner = planner_of(request)
     except PlanningError as error:
-        return None, None, _as_drawn(path, request, FuelBound(math.nan), ""), error
+        return (), None, _as_drawn(path, request, FuelBound(math.nan), ""), error
     problem = planner.problem
     route = _as_drawn(path, request, plan.best.fuel_bound, name(problem.word(path)))
     same = next((one for one in plan.routes if one.homotopy == route.homotopy), None)
     if same is not None:
-        return plan.best, same, route, None
+        return plan.routes, same, route, None
     try:
         same = planner.route(follow(planner, path))
     except InfeasibleError as error:
-        return plan.best, None, route, error
+        return plan.routes, None, route, error
     met = meetings(same, request.areas, planner)
-    return plan.best, None if met else same, route, next(iter(met.values()), None)
+    return plan.routes, None if met else same, route, next(iter(met.values()), None)
 
 
 def _as_drawn(path: FloatArray, request: Request, bound: FuelBound, homotopy: str) -> Route:

@@ -431,6 +431,7 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
         "speed": series(profile.speed_m_s),
         "current": series(profile.current_along_m_s),
         "clearance": series(profile.clearance_m),
+        "least": ranked.metrics.clearance_m if ranked.metrics.has_land else None,
         "waves": series(weather["waves"]),
         "wind": series(weather["wind"]),
         "turns": lattice.line(turns),

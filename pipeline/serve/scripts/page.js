@@ -79,7 +79,7 @@ class Desk {
   /** Show no plan. */
   clear() {
     if (LIVE.has(this.plan?.state)) this.cancel();
-    this.plan = this.mapped = null;
+    this.plan = this.mapped = this.started = null;
     history.replaceState(null, "", location.pathname);
     this.explorer.clear();
     this.chart.drafts.clearLayers();
@@ -135,13 +135,15 @@ class Desk {
 
   async start() {
     this.form.fault([]);
-    const asked = performance.now();
+    const asked = this.started = performance.now();
     const earlier = this.plan;
     // One whose files are being written keeps nobody waiting.
     if (earlier && LIVE.has(earlier.state) && earlier.stages.at(-1) !== "write") ask(`/api/plan/${earlier.id}`, "DELETE").catch(() => {});
     this.stale(true);
     try {
       const plan = await ask("/api/plan", "POST", JSON.stringify(this.form.read()));
+      // The form was cleared meanwhile, or something else was asked for.
+      if (this.started !== asked) { if (!this.started) ask(`/api/plan/${plan.id}`, "DELETE").catch(() => {}); return; }
       this.asked = { id: plan.id, at: asked };
       history.replaceState(null, "", `#${plan.id}`);
       // On a phone the outcome is far below the button.
@@ -154,7 +156,9 @@ class Desk {
   }
 
   async cancel() {
-    if (this.plan) this.take(await ask(`/api/plan/${this.plan.id}`, "DELETE"));
+    const { plan } = this;
+    const ended = await ask(`/api/plan/${plan.id}`, "DELETE");
+    if (this.plan?.id === plan.id) this.take(ended);
   }
 
   /** Show an earlier plan, and go on with it if it is still at work. */

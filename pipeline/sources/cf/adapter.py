@@ -256,8 +256,11 @@ _GAP_FAULT_SHARE = 0.2
 _FILLED_LAND_SHARE = 0.5
 # A value means "no data" if at least this share of the land has it,
 _MIN_FILLER_LAND_SHARE = 0.9
-# and no more than this share of the open water.
-_MAX_FILLER_WATER_SHARE = 0.01
+# and no more than this share of the open water: of zeros, as water may stand still, and of others.
+_MAX_ZERO_WATER_SHARE, _MAX_FILLER_WATER_SHARE = 0.01, 0.5
+# So does a value of a component that this share of the cells has, so many times as many as any
+# other value but 0, and so many times the root mean square of the others.
+_ODD_SHARE, _ODD_COUNTS, _ODD_SIZE = 0.01, 10, 2.0
 # Number of cells of land from which that holds of other values than zero.
 _MIN_FILLER_CELLS = 20
 
@@ -360,19 +363,36 @@ def _filler_on_land(
     beside the land. A cell must have it in several fields, because turning water stands still for a
     while.
     """
+    parts = np.stack([(field.u, field.v) for field in fields])
     is_land = mask.on_grid(fields[0].lon, fields[0].lat)
     water = ~plausibility.dilated(is_land, plausibility.OFFSHORE_CELLS)
     if not is_land.any() or not water.any():
-        return None, ()
+        return _odd_cells(parts)
     # What nearly all cells have is the middle one's.
-    parts = np.stack([(field.u, field.v) for field in fields])
     middle = np.sort(parts[..., is_land])[..., is_land.sum() // 2]
     filler = (parts == middle[..., None, None]).all(axis=(0, 1))
     is_rare = filler[is_land].mean() < _MIN_FILLER_LAND_SHARE
     is_chance = middle.any() and is_land.sum() < _MIN_FILLER_CELLS
-    if is_rare or is_chance or filler[water].mean() > _MAX_FILLER_WATER_SHARE:
-        return None, ()
+    most = _MAX_FILLER_WATER_SHARE if middle.any() else _MAX_ZERO_WATER_SHARE
+    if is_rare or is_chance or filler[water].mean() > most:
+        return _odd_cells(parts)
     return filler, (Note.of("filler-is-land", speed_m_s=float(np.hypot(*middle[0]))),)
+
+
+def _odd_cells(parts: FloatArray) -> tuple[BoolArray | None, tuple[Note, ...]]:
+    """Return the cells (ny, nx) with one odd value in all fields (nf, 2, ny, nx) of a component."""
+    found = np.zeros(parts.shape[2:], dtype=bool)
+    for part in np.swapaxes(parts, 0, 1):
+        moving = np.isfinite(part[0]) & (part[0] != 0)
+        values, counts = np.unique(part[0][moving], return_counts=True)
+        if len(values) > 1:
+            second, most = np.argsort(counts)[-2:]
+            odd = (part == values[most]).all(axis=0)
+            least = max(_MIN_FILLER_CELLS, _ODD_SHARE * odd.size, _ODD_COUNTS * counts[second])
+            others_m_s = np.sqrt(np.mean(part[0][moving & ~odd] ** 2))
+            found |= odd & (counts[most] >= least and abs(values[most]) > _ODD_SIZE * others_m_s)
+    notes = (Note.of("filler-in-water", share=float(found.mean())),)
+    return (found, notes) if found.any() else (None, ())
 
 
 def _without(field: Field, cells: BoolArray | None) -> Field:

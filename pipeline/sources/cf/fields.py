@@ -112,10 +112,10 @@ def _mean(steps: TimeSteps, period: Period) -> SelectedSteps:
     if not inside:
         _, distance = steps.nearest(period.begin + (period.end - period.begin) / 2)
         is_near = steps.is_near(distance)
-        other = ', or time_method = "nearest" for the one around it' if is_near else ""
+        other = ', or in a scenario time_method = "nearest"' if is_near else ""
         raise ValueError(
-            f"it has {steps.span}, none inside {label(period.begin)} to {label(period.end)}; set "
-            f"the season's 'valid' to what it has{other}"
+            f"it has {steps.span}, none inside {label(period.begin)} to {label(period.end)}; ask "
+            f"for what it has (--month, or the season's 'valid'){other}"
         )
     first, last = inside[0], inside[-1]
     valid = "/".join(steps.labels[i] for i in dict.fromkeys((first, last)))
@@ -213,7 +213,7 @@ def select_all_steps(steps: TimeSteps, period: Period) -> SelectedSteps:
     if len(moments) < 2:
         raise ValueError(
             f"it has {steps.span}, which do not show how the current changes; give a file with "
-            "two time steps or more, or leave time_method out"
+            "two time steps or more, or plan in a month's mean"
         )
     if not moments[0] <= departure < moments[-1]:
         order = (
@@ -335,7 +335,7 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     if lon.size * lat.size > _MAX_NODES:
         fault = (
             f"it has {lat.size:,} x {lon.size:,} nodes in the region, more than {_MAX_NODES:,}; "
-            "shrink the region, or give a coarser file, as with `ncks -d` and a stride"
+            "give a coarser file, as with `ncks -d` and a stride, or in a scenario a smaller region"
         )
         return [fault]
     if lon.size == 0 or lat.size == 0:
@@ -349,7 +349,8 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
         lacking.append("at more than one node, too few for a field")
     if not lacking:
         return []
-    return [f"it has no data {' nor '.join(lacking)}; shrink the region, or give another file"]
+    remedy = "give another file, or in a scenario a smaller region"
+    return [f"it has no data {' nor '.join(lacking)}; {remedy}"]
 
 
 def _where(contents: Contents) -> str:

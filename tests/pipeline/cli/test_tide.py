@@ -56,6 +56,12 @@ def test_faults_of_station_and_times_are_named_together() -> None:
     assert "give an end after the beginning" in errors
 
 
+@pytest.mark.parametrize("day", ["0001-01-01", "9999-12-31"])
+def test_a_year_beyond_the_clocks_of_libraries_is_refused(day: str) -> None:
+    code, _, errors = run("show", "boston", "--from", day)
+    assert (code, errors.startswith(f"error: --from: {day!r} is not a time (")) == (2, True)
+
+
 def test_a_week_from_today_is_listed_where_no_times_are_given() -> None:
     code, text, _ = run("show", "boston", "--json")
     assert code == 0

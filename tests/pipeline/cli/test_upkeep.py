@@ -70,6 +70,12 @@ def test_a_check_that_breaks_is_a_fault() -> None:
     assert "libproj.so.25" in found.detail
 
 
+def test_a_negative_age_is_refused_as_it_was_typed() -> None:
+    asked = CliRunner().invoke(app, ["clean", "--older", "-1d"])
+    assert asked.exit_code == 2
+    assert asked.stderr.startswith("error: --older = '-1d' is not an age")
+
+
 # --- the machine ------------------------------------------------------------------------------
 
 

@@ -30,6 +30,8 @@ NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
         (texts.number(-0.012345, 3), "-0.0123"),
         (texts.number(math.nan), "–"),
         (texts.number(None), "–"),
+        (texts.capitalised("no-go: all water"), "No-go: all water"),
+        (texts.capitalised("hourly.nc: the steps"), "hourly.nc: the steps"),
         (texts.distance(712_089.9), "712.1 km"),
         (texts.distance(3_460.0), "3.46 km"),
         (texts.distance(820.4), "820.4 m"),

@@ -45,6 +45,15 @@ def test_the_region_may_be_left_out() -> None:
     assert "has a [plane] together with [region]" in "".join(faults(plane={"extent": [0, 0, 9, 9]}))
 
 
+@pytest.mark.parametrize("year", ["0001", "9999"])
+def test_times_in_years_that_no_clock_knows_are_refused(year: str) -> None:
+    season = {"name": "a", "currents": ["still"], "departure": f"{year}-06-01T00:00:00Z"}
+    (fault,) = faults(seasons=[season])
+    assert f"departure = {year}-06-01T00:00:00+00:00 is not in the years 1700 to 2199" in fault
+    (fault,) = faults(seasons=[{"name": "a", "currents": ["still"], "valid": f"{year}-06"}])
+    assert "or a year before 1700 or after 2199" in fault
+
+
 def test_depths_need_a_file_and_a_draught() -> None:
     given = {"length_m": 2.0, "speed_m_s": 1.0, "turn_rate_deg_s": 35.0}
     missing, draught = faults(chart={"depths": "nowhere.nc"}, vessel=given)

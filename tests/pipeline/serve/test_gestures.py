@@ -93,6 +93,22 @@ def test_changes_are_undone_and_all_is_cleared(open_page: Open, planned: dict[st
     expect(page.locator(".pin")).to_have_count(2)
 
 
+def test_what_is_cleared_before_the_answer_comes_stays_cleared(
+    open_page: Open, planned: dict[str, Any]
+) -> None:
+    page = shown(open_page, planned)
+    page.evaluate(
+        "window.fetch = ((now) => async (path, asked) => { if (path === '/api/plan' && asked.body)"
+        " await new Promise((done) => setTimeout(done, 300)); return now(path, asked); })(fetch)"
+    )
+    with page.expect_response(lambda one: one.status == 202):
+        page.click("#plan")
+        page.click("#clear")
+    page.wait_for_timeout(300)
+    assert identity(page) == ""
+    expect(page.locator(".card")).to_have_count(0)
+
+
 def test_a_line_and_its_card_are_one(open_page: Open, planned: dict[str, Any]) -> None:
     page = shown(open_page, planned)
     first, second = page.locator(".card").all()

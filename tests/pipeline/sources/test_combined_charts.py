@@ -611,7 +611,7 @@ def test_the_identity_follows_the_file_and_the_depth(tmp_path: Path) -> None:
 def test_a_chart_with_depths_needs_a_draught(tmp_path: Path) -> None:
     file = depth_grids.gebco(tmp_path / "grid.nc", SOUNDED_LON, SOUNDED_LAT, sea_floor())
     chart = ChartSpec(depths=str(file), under_keel_clearance_m=1.5)
-    with pytest.raises(RequestError, match=r"vessel\.draught_m is missing"):
+    with pytest.raises(RequestError, match=r"vessel\.draught_m is missing.*\(--draught\)"):
         land_source(chart, None)
     source = land_source(chart, 4.0)
     assert isinstance(source, SoundedChart)

@@ -26,7 +26,7 @@ from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.stages.measure import clock_worth, gap_shares, speeds_in_time
-from pipeline.stages.plan_case import plan_case, planned as planned_case
+from pipeline.stages.plan_case import plan_case, planned as planned_case, reason_text
 from pipeline.stages.project import project
 from tests.pipeline import chosen_speeds
 from tests.pipeline.planar_cases import case_of
@@ -106,6 +106,15 @@ def harbour(*mouths: tuple[float, float]) -> Case:
     return case_of(scenario)
 
 
+def test_where_no_water_joins_the_ends_the_remedy_is_one_of_the_command() -> None:
+    case, wall = harbour((18, 40)), shapely.box(0, 45, 100, 55)
+    chart = renew.Chart(case.chart.extent, [wall])
+    with pytest.raises(renew.UnreachableError) as refused:
+        renew.plan(chart, case.current, case.vessel, (50, 10), (50, 90))
+    failure = reason_text(refused.value, case)
+    assert "Move one of the two, or give a chart of more water between them (--charts)" in failure
+
+
 @pytest.mark.parametrize("mouths", [[(27, 33)], [(18, 23), (34, 40)]])
 def test_a_wider_region_cannot_help_out_of_a_harbour_whose_mouths_padding_shuts(
     mouths: list[tuple[float, float]],
@@ -127,7 +136,9 @@ def test_a_refusal_has_one_reason_and_a_remedy_that_helps() -> None:
     assert failure.count("the gap at") == 1
     assert not re.search(r"class|\b[ps]\d+\b", failure)
     # The wider of the two mouths is named, and the padding that is told leaves a route through it.
-    found = re.search(r"at \((.*), .*\) m is 6.00 m wide.*padding = ([\d.]+)", failure)
+    found = re.search(
+        r"at \((.*), .*\) m is 6.00 m wide.*padding = ([\d.]+).*\(--padding, ", failure
+    )
     assert found is not None
     assert 34 <= float(found[1]) <= 40
     assert plan_case(case, PlannerOptions(padding=float(found[2]), clearance=0.0)).plan is not None

@@ -26,15 +26,18 @@ from tests.true_scale import GEOD
 BEGIN = "2026-11-22T06:00Z"
 
 
+def write_land(file: Path, islands: dict[str, shapely.Polygon]) -> None:
+    named = [
+        {"type": "Feature", "properties": {"name": name}, "geometry": shapely.geometry.mapping(at)}
+        for name, at in islands.items()
+    ]
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": named}))
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("check")
-    island = {"type": "Feature", "properties": {"name": "Isla Sola"}} | {
-        "geometry": json.loads(shapely.to_geojson(ISLAND))
-    }
-    (made / "land.geojson").write_text(
-        json.dumps({"type": "FeatureCollection", "features": [island]})
-    )
+    write_land(made / "land.geojson", {"Isla Sola": ISLAND})
     write_tide(made / "tide.nc")
     return made
 
@@ -52,8 +55,8 @@ def planned(folder: Path) -> Outcome:
 def checked(folder: Path, file: Path, *more: str) -> Result:
     words = [
         "check-route", str(file), "--speed", "8kn", "--length", "12m", "--turning-circle", "40m",
-        "--charts", str(folder / "land.geojson"), "--currents", str(folder / "tide.nc"),
-        "--output", str(folder / "out"), "--quiet", *more,
+        *([] if "--charts" in more else ["--charts", str(folder / "land.geojson")]),
+        "--currents", str(folder / "tide.nc"), "--output", str(folder / "out"), "--quiet", *more,
     ]  # fmt: skip
     return CliRunner().invoke(app, words)
 
@@ -76,6 +79,45 @@ def test_our_own_path_costs_what_was_planned(folder: Path, planned: Outcome) -> 
     assert (found["crosses"], found["turns_meet_land_from"]) == ([], [])
     for beside in ("same_side", "best"):
         assert abs(found[beside]["fuel_more_share"]) < 1e-3
+    assert found["way"] == found["best"]["way"] == best.way == "south of Isla Sola"
+
+
+@pytest.mark.slow
+def test_ways_have_the_names_that_they_have_in_a_plan(folder: Path, tmp_path: Path) -> None:
+    north, south = (shapely.box(-40.005, y, -39.995, y + 0.012) for y in (34.996, 34.976))
+    write_land(tmp_path / "land.geojson", {"Isla Norte": north, "Isla Sur": south})
+    more = ["--charts", str(tmp_path / "land.geojson"), "--depart", BEGIN]
+    planned = go(
+        START, GOAL, **FIGURES, depart=datetime.fromisoformat(BEGIN), charts=more[1],
+        currents=(folder / "tide.nc",), output=tmp_path / "out", name="two",
+    )  # fmt: skip
+    found = answer(folder, next(planned.directory.glob("*.geojson")), *more)
+    assert found["best"]["way"] == planned.result.routes[0].metrics.way
+    assert all(name in found["best"]["way"] for name in ("Isla Norte", "Isla Sur"))
+
+
+def test_a_route_that_ends_where_it_begins_has_its_farthest_point_as_a_stop(tmp_path: Path) -> None:
+    places = [[179.5, 60.0], [-179.9, 60.0], [180.2, 60.2], [179.5, 60.0]]
+    (tmp_path / "a.geojson").write_text(json.dumps({"type": "LineString", "coordinates": places}))
+    home = "60.00000000N 179.50000000E"
+    via = ["60.20000000N 179.80000000W"]
+    assert read_route(tmp_path / "a.geojson").stops == {"start": home, "via": via, "goal": home}
+
+
+@pytest.mark.slow
+def test_a_round_trip_is_checked_beside_one_through_its_farthest_point(
+    folder: Path, tmp_path: Path
+) -> None:
+    there = [START, (-40.0, 34.97), GOAL]
+    line = shapely.to_geojson(shapely.LineString([*there, *there[1::-1]]))
+    (tmp_path / "a.geojson").write_text(line)
+    result = checked(folder, tmp_path / "a.geojson", "--depart", BEGIN, "--json")
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    (season,) = found["seasons"]
+    assert season["length_m"] > 2 * GEOD.inv(*START, *GOAL)[2]
+    assert 0 <= season["best"]["fuel_more_share"] < 0.1
+    assert any("it ends where it begins" in one for one in found["decided"])
 
 
 @pytest.mark.gate_share(1)
@@ -185,8 +227,10 @@ def test_the_ends_of_a_route_are_read_as_they_are(tmp_path: Path, lon: float, la
     places = [(lon, lat), (lon + 0.5, lat + 0.5)]
     line = shapely.to_geojson(shapely.LineString(places))
     (tmp_path / "a.geojson").write_text(line)
-    for end, (x, y) in zip(read_route(tmp_path / "a.geojson").ends, places, strict=True):
-        read = read_position(end)
+    stops = read_route(tmp_path / "a.geojson").stops
+    assert stops["via"] == []
+    for end, (x, y) in zip(("start", "goal"), places, strict=True):
+        read = read_position(stops[end])
         assert ((read.lon - x) % 360, read.lat) == (0, y)
 
 
@@ -196,7 +240,8 @@ def test_a_line_across_180_degrees_is_one(tmp_path: Path) -> None:
     )
     route = read_route(tmp_path / "a.geojson")
     assert route.lonlat[:, 0] == pytest.approx([179, 180, 181])
-    assert route.ends == ("1.00000000N 179.00000000E", "3.00000000N 179.00000000W")
+    ends = {"start": "1.00000000N 179.00000000E", "goal": "3.00000000N 179.00000000W"}
+    assert route.stops == {**ends, "via": []}
 
 
 def test_legs_of_an_rtz_without_a_geometry_have_that_of_its_default_waypoint(

@@ -111,6 +111,7 @@ READ = [
 ]
 # What can be meant in two ways, or is no longitude and latitude, is asked about.
 REFUSED = [
+    ("12 1/2 N 120 E", "has a fraction; give decimals", "pilot books"),
     ("48°51'N 2°21'O", "east .Ost. in German", "threads in French and German"),
     ("N 54° 19.2' O 10° 9.0'", "east .Ost. in German", "threads in German"),
     ("-23.3245° S / 28.2344° E", "both a sign and S", GEO_COORDINATES),

@@ -67,6 +67,12 @@ def test_still_water_needs_no_month() -> None:
         scenario_of(dict(asked, currents=()))
 
 
+def test_a_point_on_the_way_in_another_sea_is_refused() -> None:
+    with pytest.raises(RequestError, match=r"--via 10\.00 N 140\.00 E lies 2,\d\d\d km from start"):
+        scenario_of(dict(PALAWAN, goal="119.9,12.5", via=("140,10",)))
+    assert scenario_of(dict(PALAWAN, goal=PALAWAN["start"], via=("140,10",)))[0].via
+
+
 def test_files_belong_together_and_names_are_of_the_catalogue(tmp_path: Path) -> None:
     field = sea(np.arange(116, 121.1, 0.5), np.arange(7, 13.6, 0.5))
     files = [str(write(tmp_path / name, dataset(field))) for name in ("a.nc", "b.nc")]

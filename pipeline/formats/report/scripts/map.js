@@ -342,13 +342,12 @@ class RouteMap {
     for (const place of route.hits) this.dot(place, "halo", "hit", { radius: 5, weight: 2 }).addTo(this.turns);
     const place = closestPlace(route);
     if (!place) return;
-    const least = Math.min(...route.clearance);
     this.dot(place, "ink", null, { radius: 7, weight: 2 }).addTo(this.closest);
     // Below the labels of start and goal.
     const ends = [this.data.start, ...this.data.via, this.data.goal];
     const room = NEAR_SHARE * Math.min(...this.data.size);
     const isNear = ends.some((end) => Math.hypot(end[0] - place[0], end[1] - place[1]) < room);
-    this.label(place, `${formatClearance(least)} to ${this.data.noGoName}`, "closest-label", isNear ? "bottom" : this.labelSide(place)).addTo(this.closest);
+    this.label(place, `${formatClearance(route.least)} to ${this.data.noGoName}`, "closest-label", isNear ? "bottom" : this.labelSide(place)).addTo(this.closest);
     this.toggle(this.closest, true);
   }
 

@@ -30,9 +30,9 @@ class Strip {
     }
   }
 
-  draw({ name, range, zero, curve }, { time, fuelUnit }, series) {
+  draw({ name, range, zero, curve }, { time, fuelUnit, least }, series) {
     const { width, height, pad } = STRIP;
-    const [low, high] = [Math.min(...series), Math.max(...series)];
+    const [low, high] = [name === "clearance" ? least : Math.min(...series), Math.max(...series)];
     // All axes but that of the speed begin at 0; that of the current includes 0.
     const bottom = Math.min(low, name === "speed" ? low : 0);
     const top = Math.max(high, name === "current" ? 0 : high);

@@ -126,9 +126,7 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
                 m.length_m / 1000, rel=5e-4
             )
             least, most = page.locator("[data-plot=clearance] .range").inner_text().split(" to ")
-            assert float(least.split()[0]) * (1000 if "km" in least else 1) == pytest.approx(
-                m.clearance_m, rel=0.01
-            )
+            assert least == texts.clearance(m.clearance_m)
             assert most
             label = page.locator(".closest-label").inner_text()
             assert label == f"{least} to land"

@@ -98,6 +98,7 @@ def test_routes_run_from_start_to_goal_with_their_metrics(
             assert decoded(route["distance"])[-1] == pytest.approx(r.metrics.length_m, rel=1e-4)
             clearance = decoded(route["clearance"])
             assert clearance.min() == pytest.approx(r.metrics.clearance_m, rel=0.01)
+            assert route["least"] == r.metrics.clearance_m  # what the map writes is the card's
             soft = filled([plane(result, ring) for ring in route["soft"]])
             zone = r.route.soft_no_go.intersection(result.water.chart.extent)
             assert soft.symmetric_difference(zone).area < 0.05 * zone.area

@@ -121,6 +121,19 @@ def test_one_value_on_land_is_gaps(tmp_path: Path, palawan: Field, filler: float
     assert grid.credit.name == "filled.nc, user's file"
 
 
+@pytest.mark.parametrize("names", ["uv", "u"])
+def test_a_fill_value_over_much_water_is_gaps(tmp_path: Path, palawan: Field, names: str) -> None:
+    """The whole west is filled with a value that is no damaged speed, and land is a gap."""
+    u, v = palawan.u.copy(), palawan.v.copy()
+    for part in (u, v)[: len(names)]:
+        west = part[:, : palawan.lon.size // 12]
+        west[np.isfinite(west)] = -3.2768
+    grid = current(write(tmp_path / "a.nc", dataset(Field(palawan.lon, palawan.lat, u, v))))
+    assert "filler-in-water" in {one.kind for one in grid.notes}
+    x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
+    assert np.array_equal(grid.u[0], palawan.u[np.ix_(y, x)], equal_nan=True)
+
+
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])
 def test_the_identity_follows_the_content(tmp_path: Path, palawan: Field, suffix: str) -> None:
     path = write(tmp_path / f"field{suffix}", dataset(palawan))
