@@ -33,6 +33,7 @@ from pipeline.stages.places import tidal_depth
 from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival
+from tests.pipeline.results import plain_pages
 from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.tidal_run import run as tidal_run, tide
 from tests.pipeline.voyage.waters import scenario_of
@@ -265,7 +266,8 @@ LATE_S, LATENESS = 3600.0, 0.05
 def voyage(folder: Path, via: object, departure: datetime = EBB) -> Outcome:
     season = {"name": "day", "departure": departure, "currents": ["still"]}
     asked = scenario_data(folder, seasons=[season], via=[via])
-    return run(parse_scenario(asked, folder), folder / "outputs")
+    with plain_pages():
+        return run(parse_scenario(asked, folder), folder / "outputs")
 
 
 def table(waited: Outcome, name: str = "metrics.csv") -> list[dict[str, str]]:
