@@ -73,6 +73,11 @@ class Corridor:
         first, last, voyage = self.paddings[0], self.paddings[-1], self.voyage
         return len(first.around(voyage.start).edge) > 0, len(last.around(voyage.goal).edge) > 0
 
+    @property
+    def rough_path(self) -> FloatArray:
+        """The path (n, 2) by which the class was found."""
+        return self.channel.rough_path(self.voyage.start, self.voyage.goal)
+
     def part(self, at: int, voyage: Voyage) -> "Corridor":
         """Return the corridor of a part of the voyage."""
         channel = self.channel.parts[at]

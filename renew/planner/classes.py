@@ -54,6 +54,9 @@ _CLOSE = 1.1
 # Ratio of the best fuel to that of the best way on the roadmap from which padding costs so much
 # that ways of free turns are searched.
 _PADDED_OFF = 1.01
+# Ratio of a class's fuel to that of the path on the roadmap by which it was found, up to which the
+# padding of its path costs next to nothing: such a path is about half a per cent from its least.
+_NEAR_LEAST = 0.998
 # Largest number of such ways.
 _FREE_WAYS = 4
 # Number of cells of the grid on which a mean travel time is found, over land narrower than a cell,
@@ -100,8 +103,8 @@ class ClassSearch:
         self._too_dear: dict[Word, float] = {}
         self._slipped: dict[Word, ClassPath] = {}
         self._done: set[Word] = set()
-        self._known = frozenset(self.found)
-        self._fitted = set(self._known)
+        self._known = dict(self.found)
+        self._fitted: set[Word] = set()
         self._has_looked_further = False
 
     @property
@@ -226,7 +229,7 @@ class ClassSearch:
             known = self.found[word]
             if known.fuel > _CLOSE * self.found[best[0]].fuel:
                 break
-            if word not in self._fitted:
+            if word not in self._fitted and known is not self._known.get(word):
                 self._fitted.add(word)
                 self._keep(word, fitted(self._planner, known))
         if self._planner.options.order == "fuel" and not self._has_looked_further:
@@ -247,10 +250,16 @@ class ClassSearch:
         return min((one.fuel for one in self.found.values()), default=math.inf)
 
     def _find_in_narrows(self, classes: int) -> None:
-        """Plan the classes again with little padding to begin with, if padding costs much."""
+        """Plan classes again with little padding to begin with, where padding costs much."""
         if not self._is_padded_off:
             return
-        narrow = ClassSearch(self._planner.narrow)
+        voyage = self._planner.problem.voyage
+        near_least = {
+            word: one
+            for word, one in self.found.items()
+            if one.fuel <= _NEAR_LEAST * voyage.fuel(one.corridor.rough_path)
+        }
+        narrow = ClassSearch(self._planner.narrow, near_least)
         narrow._has_looked_further = True
         few = min(classes, _FEW) if len(self.found) >= classes else classes
         narrow.find_first(few)
@@ -286,9 +295,8 @@ class ClassSearch:
 
     def _keep(self, word: Word, found: ClassPath) -> None:
         """Keep a path of a class if it is the best so far; a path that was known stays."""
-        if word not in self._known and (
-            word not in self.found or found.fuel < self.found[word].fuel
-        ):
+        best = self.found.get(word)
+        if best is None or (best is not self._known.get(word) and found.fuel < best.fuel):
             self.found[word] = found
             tell(Step("path", found.path))
 

@@ -32,10 +32,12 @@ from renew.voyage.voyage import Voyage
 # Length of the pieces into which edges are cut, in v/ω.
 _PIECE = 1.0
 # Largest number of rounds in which padding is fitted.
-_ROUNDS = 6
+_ROUNDS = 4
 # Share of the fuel below which a round's saving is not worth another round.
-_WORTHWHILE = 5e-4
-# Least share of the step towards the needed padding.
+_WORTHWHILE = 1e-3
+# First step towards the needed padding, as a share: where padding gets narrower, the path comes
+# closer, and needs less still. And the least share.
+_STEP = 1.5
 _LEAST_STEP = 0.2
 # Share of the distance of an edge from a path that its padding takes at most.
 _OFF = 0.95
@@ -125,7 +127,7 @@ def _fit(
 
     Each part's turns along this path need padding (e,), m.
     """
-    step, voyage = 1.0, corridor.voyage
+    step, voyage = _STEP, corridor.voyage
     least = [_held(edges, _least(edges, planner.options), voyage) for edges in corridor.paddings]
     most = [_most(edges, voyage) for edges in corridor.paddings]
     path = best.path
@@ -144,13 +146,12 @@ def _fit(
         corridor, path = toward, near.path
         needed, is_clear = _needs(planner, corridor, path)
         if not is_clear:
+            step = min(step, 1.0)
             continue
         saved = 1 - near.fuel / best.fuel
         if saved > 0:
             best = near
-        else:
-            step /= 2
-        if 0 < saved < _WORTHWHILE or step < _LEAST_STEP:
+        if saved < _WORTHWHILE:
             break
     return best
 

@@ -184,8 +184,7 @@ def _near_rough_or_bulging(
     )
     is_doubtful = is_much_wider or _pays_tacking(padded, path)
     voyage = corridor.voyage
-    first_rough = corridor.channel.rough_path(voyage.start, voyage.goal)
-    if not is_doubtful and voyage.fuel(path) <= _PUSHED_OFF * voyage.fuel(first_rough):
+    if not is_doubtful and voyage.fuel(path) <= _PUSHED_OFF * voyage.fuel(corridor.rough_path):
         return near
     with contextlib.suppress(InfeasibleError):
         rough = _bulging(corridor)
@@ -236,8 +235,7 @@ def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
 
 def near_rough(corridor: Corridor) -> FloatArray:
     """Return the rough path (n, 2) near the path by which the class was found."""
-    voyage = corridor.voyage
-    return path_near(corridor, corridor.channel.rough_path(voyage.start, voyage.goal))
+    return path_near(corridor, corridor.rough_path)
 
 
 def _bulging(corridor: Corridor) -> FloatArray:

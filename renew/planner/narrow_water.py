@@ -59,8 +59,8 @@ def with_room(corridor: Corridor, triangulation: Triangulation, least: float) ->
 
     Padding of up to `least` m never yields.
     """
-    voyage, padded = corridor.voyage, list[PaddedEdges]()
-    for part, _ in corridor.parts(corridor.channel.rough_path(voyage.start, voyage.goal)):
+    padded = list[PaddedEdges]()
+    for part, _ in corridor.parts(corridor.rough_path):
         pieces = _with_room(part.padded, part.channel, part.voyage, triangulation, least)
         first = sum(len(one.edge) for one in padded)
         # The pieces of each part are edges of their own.

@@ -19,6 +19,7 @@ from pipeline.run import Outcome
 from pipeline.voyage.one_line import go
 from pipeline.voyage.positions import read_position
 from pipeline.voyage.route_file import read_route
+from tests.pipeline.results import plain_pages
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, write_tide
 from tests.true_scale import GEOD
 
@@ -43,11 +44,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def planned(folder: Path) -> Outcome:
-    return go(
-        START, GOAL, **FIGURES, depart=datetime.fromisoformat(BEGIN),
-        charts=folder / "land.geojson",
-        currents=(folder / "tide.nc",), output=folder / "out", name="tide",
-    )  # fmt: skip
+    with plain_pages():
+        return go(
+            START, GOAL, **FIGURES, depart=datetime.fromisoformat(BEGIN),
+            charts=folder / "land.geojson",
+            currents=(folder / "tide.nc",), output=folder / "out", name="tide",
+        )  # fmt: skip
 
 
 def checked(folder: Path, file: Path, *more: str) -> Result:
