@@ -9,6 +9,7 @@ symbols: a release that names its functions otherwise is refused.
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import functools
 from collections.abc import Callable, Mapping
@@ -40,8 +41,6 @@ _TABLE = 64
 _HEAD = 2
 # Bytes of an object of nanobind before the C++ object, or before the pointer to it.
 _WRAPPER = 24
-# What OMPL refers to must outlive it; a process runs one job.
-_KEPT: list[object] = []
 
 
 def override(
@@ -78,7 +77,14 @@ def override(
     for place, function in places.items():
         own[1 + place] = function(_typeof(context)).address
     pointer.value = ctypes.addressof(own) + (1 + _HEAD) * ctypes.sizeof(Word)
-    _KEPT.extend([instance, own])
+    # The object keeps its new table until the process ends; its end is called by the old one, as
+    # by then the new one may be freed.
+    atexit.register(_give_back, pointer, first, instance, own)
+
+
+def _give_back(pointer: Word, first: int, *_kept: object) -> None:
+    """Give an object its class's table again; what it refers to has lived as long, a whole job."""
+    pointer.value = first
 
 
 def _address(symbol: str) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ import renew
 from experiments.kernels.dubins import dubins_length, dubins_path
 from experiments.kernels.leg_time import LegTimes, leg_time
 from experiments.kernels.water import PaddedWater, leg_clear
+from tests.commands import PYTHON, ran
+from tests.conftest import ROOT
 from tests.experiments.scenes import CURRENT, VESSEL, islands_voyage
 from tests.strategies import examples
 
@@ -153,3 +156,16 @@ def test_an_object_of_another_class_than_expected_is_refused() -> None:
         override(information, "DiscreteMotionValidator", {}, ())
     with pytest.raises(RuntimeError, match="undefined symbol"):
         override(information.getMotionValidator(), "DiscreteMotionValidator", {"_Znone": never}, ())
+
+
+@pytest.mark.slow
+def test_a_process_that_has_replaced_functions_ends_well() -> None:
+    """Memory that is freed is overwritten here: OMPL must not look for its functions there."""
+    script = (
+        "from experiments.baselines.spaces import Space, fuel_objective\n"
+        "from experiments.kernels.water import PaddedWater\n"
+        "from tests.experiments.scenes import CURRENT, VESSEL, islands_voyage\n"
+        "space = Space(PaddedWater.of(islands_voyage().chart))\n"
+        "objective = fuel_objective(space, CURRENT, VESSEL)\n"
+    )
+    ran(*PYTHON, script, cwd=ROOT, env=os.environ | {"MALLOC_PERTURB_": "165"})

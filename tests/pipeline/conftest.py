@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from pipeline.findings.result import RunResult
 from pipeline.machine.store import Store
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from tests.conftest import once
 from tests.pipeline.kept import keep
+from tests.pipeline.results import plain_pages
 from tests.pipeline.voyage import sailing
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
@@ -41,10 +42,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def plain_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Write a report without figures, which take seconds, in tests that do not look at it."""
-
-    def write_text(result: RunResult, path: Path) -> None:
-        path.write_text(result.scenario.name)
-
-    monkeypatch.setattr("pipeline.formats.report.page.write_report", write_text)
+def plain_report() -> Iterator[None]:
+    """Write no figures in tests that do not look at them."""
+    with plain_pages():
+        yield

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from pipeline.findings.result import RunResult
 from pipeline.model import RouteMetrics
 from pipeline.run import planned_scenario
 from pipeline.scenario.model import Scenario
+
+
+@contextlib.contextmanager
+def plain_pages() -> Iterator[None]:
+    """Write the report and the passage plan without their figures, which take most of the time."""
+
+    def write_text(result: RunResult, path: Path) -> None:
+        path.write_text(result.scenario.name)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("pipeline.formats.report.page.write_report", write_text)
+        patched.setattr("pipeline.formats.passage_plan.write_passage_plan", write_text)
+        yield
 
 
 def result_of(scenario: Scenario, output: Path) -> RunResult:

@@ -24,6 +24,7 @@ from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_te
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import validated
 from tests.pipeline import tidal_run
+from tests.pipeline.results import plain_pages
 from tests.pipeline.voyage import sailing
 
 FIGURES: dict[str, Any] = {"length_m": 7.0, "speed_m_s": 5.0, "turn_rate_deg_s": 16.5}
@@ -53,7 +54,8 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     folder = tmp_path_factory.mktemp("energy")
     asked = scenario(folder, battery_wh=1500.0, reserve=0.2)
     assert parse_scenario(catalogue.read_toml(_written(asked, folder))) == asked
-    return run(asked, folder / "outputs", offline=True)
+    with plain_pages():
+        return run(asked, folder / "outputs", offline=True)
 
 
 def _written(asked: Scenario, folder: Path) -> Path:

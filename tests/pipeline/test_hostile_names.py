@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import sqlite3
-import subprocess
 import zipfile
 from collections.abc import Iterator
 from contextlib import closing
@@ -28,7 +27,6 @@ from pipeline.sources.land.s57 import Objects
 from pipeline.sources.land.vector import read_havens
 from pipeline.sources.tide_stations import read_station
 from tests.pipeline.nightly.nights import write_forecast
-from tests.pipeline.processes import renew
 from tests.pipeline.small_region import small_region
 from tests.pipeline.test_texts import forbidden
 
@@ -177,13 +175,10 @@ currents = ["./currents.nc"]
 classes = 1
 """
     )
-    done = subprocess.run(
-        renew("run", str(folder / "scenario.toml"), "--output", str(folder / "out")),
-        capture_output=True,
-        check=False,
-    )
-    printed = (done.stdout + done.stderr).decode()
-    assert done.returncode == 0, printed
+    words = ["run", str(folder / "scenario.toml"), "--output", str(folder / "out")]
+    done = CliRunner().invoke(app, words, catch_exceptions=False)
+    printed = done.stdout + done.stderr
+    assert done.exit_code == 0, printed
     return folder / "out" / "hostile", printed
 
 

@@ -18,9 +18,11 @@ from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario
 from tests.pipeline.formats import small_run
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import plain_pages, rows_of
 from tests.pipeline.voyage.waters import scenario_of
 from tests.tree import tree
+
+pytestmark = pytest.mark.usefixtures("plain_report")
 
 
 def single_gyre(**planner: object) -> Scenario:
@@ -35,7 +37,8 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run single-gyre once, and return the folder of its results."""
     output = tmp_path_factory.mktemp("first") / "outputs"
     threads = threading.enumerate()
-    outcome = run(single_gyre(classes=4), output)
+    with plain_pages():
+        outcome = run(single_gyre(classes=4), output)
     # Bounds and libraries are worked at in other threads, which end with the run.
     assert threading.enumerate() == threads
     assert outcome.exit_code == 0

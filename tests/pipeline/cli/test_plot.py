@@ -21,6 +21,7 @@ from pipeline.run import Event, EventHandler, planned_scenario, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario
+from tests.pipeline.results import plain_pages
 from tests.tree import tree
 
 if TYPE_CHECKING:
@@ -55,7 +56,8 @@ def plot(
 def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the results of a run, without figures."""
     folder = tmp_path_factory.mktemp("plot") / "outputs"
-    run(scenario(), folder)
+    with plain_pages():
+        run(scenario(), folder)
     return folder
 
 
@@ -95,6 +97,7 @@ def test_the_same_figure_is_the_same_file_in_its_format(output: Path) -> None:
     assert len(re.findall("<path", text)) > 20
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_scenario_without_a_run_is_planned_and_only_figures_are_written(tmp_path: Path) -> None:
     files = plot(scenario(classes=1), tmp_path / "new", kinds=(Kind.ALONG,))
     visible = [name for name in tree(tmp_path / "new") if not name.startswith(".artefacts")]

@@ -62,6 +62,7 @@ def test_a_temporary_cache_of_machine_code_is_noted(
     assert "compiled again after a reboot" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_each_file_that_is_written_is_a_part_of_the_stage(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -75,6 +76,7 @@ def test_each_file_that_is_written_is_a_part_of_the_stage(
     assert parts[-1].endswith(f"({len(written)} of {len(written)})")
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_where_no_terminal_is_and_no_json_is_asked_for_lines_are_plain_text(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -99,6 +101,7 @@ def file(tmp_path: Path) -> str:
     return str(path)
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_the_answer_comes_first_then_the_sides_then_the_doubts(
     file: str, across_outputs: Path
 ) -> None:
@@ -119,6 +122,7 @@ def test_the_answer_comes_first_then_the_sides_then_the_doubts(
     assert len(result.stdout.splitlines()) <= 20
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_reasons_and_choices_are_told_if_they_are_asked_for(
     file: str, across_outputs: Path
 ) -> None:
@@ -133,6 +137,7 @@ def test_reasons_and_choices_are_told_if_they_are_asked_for(
     assert "1 routes" not in result.stdout
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_no_row_of_the_answer_is_wider_than_the_terminal(file: str, across_outputs: Path) -> None:
     outcome = run(load_scenario(file), across_outputs, offline=True)
     for width in (60, 80, 120):
@@ -156,6 +161,7 @@ def test_two_seasons_are_answered_in_twenty_lines_of_eighty_characters(tmp_path:
     assert all(line.startswith("! ") for line in doubts.splitlines())
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_choices_are_reported_and_no_land_was_missed(tmp_path: Path) -> None:
     """A plane without obstacles: nothing to choose, and nothing to turn away from."""
     path = tmp_path / "open.toml"

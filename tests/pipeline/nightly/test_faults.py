@@ -66,6 +66,7 @@ def test_the_one_case_that_kills_is_named_and_the_night_goes_on(
     assert [row["status"] for row in table].count("planned") == 11
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full(tmp_path: Path, cluster: str) -> None:
     disk = tmp_path / "disk"
     config = load_config(plane_night(tmp_path, pairs=16), disk / "out")

@@ -22,6 +22,7 @@ from pipeline.run import planned_scenario, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.pairs import OF_A_SEASON, OF_THE_SCENARIO, PAIRS
 from pipeline.sources.current_field import Field
+from tests.pipeline.results import plain_pages
 from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.synthetic_currents import dataset, write
 from tests.strategies import examples
@@ -77,7 +78,8 @@ def make_files(folder: Path) -> None:
     asked = off_boston(lambda values: values[0])
     asked |= {"name": "sailed", "planner": {"classes": 2}}
     asked["seasons"] = [{"name": "day", "departure": time(-4), "currents": ["still"]}]
-    run(parse_scenario(asked, folder), folder / "outputs", offline=True)
+    with plain_pages():
+        run(parse_scenario(asked, folder), folder / "outputs", offline=True)
 
 
 def planner(draw: Draw) -> dict[str, Any]:

@@ -97,10 +97,10 @@ def test_every_refusal_has_one_form(server: Server, method: str, path: str, stat
     assert status != 405 or answer.headers["allow"]
 
 
-def test_files_that_are_gone_are_named_so(server: Server) -> None:
-    plan = server.ended(server.begin({**server.island(), "speed": "8.5kn"}))
-    (server.output / plan["name"] / "report.html").unlink()
-    identity = plan["id"]
+def test_files_that_are_gone_are_named_so(server: Server, planned: dict[str, Any]) -> None:
+    identity, name = planned["id"], planned["name"]
+    report, away = server.output / name / "report.html", server.output / name / "away.html"
+    report.rename(away)
     for path in (f"/api/plan/{identity}/files/report.html", f"/plan/{identity}/report.html"):
         answer = server.ask("GET", path)
         assert answer.status == 404
@@ -108,6 +108,7 @@ def test_files_that_are_gone_are_named_so(server: Server) -> None:
     answer = server.ask("GET", f"/api/plan/{identity}/files.zip")
     assert (answer.status, set(answer.json)) == (404, {"faults"})
     assert server.ask("GET", f"/api/plan/{identity}/files/metrics.csv").status == 200
+    away.rename(report)
 
 
 async def _send(given: GivenFiles, content: bytes) -> Path:

@@ -56,6 +56,7 @@ def test_a_double_click_zooms_and_sets_nothing(open_page: Open) -> None:
     assert page.input_value("#goal") == ""
 
 
+@pytest.mark.slow
 def test_a_line_is_pulled_to_a_point_which_its_pin_removes(
     open_page: Open, planned: dict[str, Any], server: Server
 ) -> None:
@@ -123,6 +124,7 @@ def test_a_line_and_its_card_are_one(open_page: Open, planned: dict[str, Any]) -
     expect(page.locator(".pin")).to_have_count(2)  # the click was none on the map
 
 
+@pytest.mark.slow
 def test_across_180_degrees_nothing_is_torn_apart(open_page: Open) -> None:
     page = open_page()
     page.fill("#start", "17.5S 179.5E")
@@ -177,6 +179,7 @@ def test_a_fault_is_at_its_field_with_its_remedy(open_page: Open, server: Server
     expect(page.locator(".told")).to_have_count(0)
 
 
+@pytest.mark.slow
 def test_each_file_is_a_download_of_its_own(open_page: Open, planned: dict[str, Any]) -> None:
     page = shown(open_page, planned)
     for kind, end in (("GPX", ".gpx"), ("RTZ", ".rtz"), ("GeoPackage", ".gpkg"), ("CSV", ".csv")):

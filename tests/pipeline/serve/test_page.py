@@ -103,6 +103,7 @@ def test_distances_are_in_nautical_miles_if_asked_for(
     expect(facts).not_to_contain_text("km")
 
 
+@pytest.mark.slow
 def test_dragging_the_goal_plans_anew_and_a_plan_is_cancelled(
     open_page: Open, planned: dict[str, Any], server: Server
 ) -> None:

@@ -238,13 +238,13 @@ def test_a_route_of_ones_own_is_checked(server: Server, planned: dict[str, Any])
     assert server.ask("POST", "/api/plan", {**damaged, "route": "0" * 16}).status == 422
 
 
-def test_a_thousand_plans_at_once_are_refused_but_for_a_few(server: Server) -> None:
+def test_hundreds_of_plans_at_once_are_refused_but_for_a_few(server: Server) -> None:
     def ask(number: int) -> tuple[int, Any]:
         answer = server.ask("POST", "/api/plan", {**LONG, "goal": f"116.83,{7.7 + number / 1e4}"})
         return answer.status, answer.json if answer.status in {202, 429} else None
 
     with ThreadPoolExecutor(100) as pool:
-        answers = list(pool.map(ask, range(1000)))
+        answers = list(pool.map(ask, range(300)))
     taken = [told["id"] for status, told in answers if status == 202]
     assert 1 <= len(taken) <= 9  # one at work, eight that wait
     assert {status for status, _ in answers} <= {202, 429, 503}

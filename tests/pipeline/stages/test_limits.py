@@ -27,7 +27,7 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.loading import parse_scenario
 from pipeline.stages.limits import limited_fields, over_limits, worst_met
-from tests.pipeline.results import result_of
+from tests.pipeline.results import plain_pages, result_of
 from tests.pipeline.sources.cf.grib_files import write_grib
 from tests.pipeline.stages.test_avoided_areas import ISLAND
 
@@ -83,7 +83,8 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     """Run with waves over the limit, and a wait."""
     folder = tmp_path_factory.mktemp("waves")
     waves(worst=2.125).to_netcdf(folder / "waves.nc", engine="netcdf4")
-    return run(parse_scenario(scenario_data(folder, limits=wait()), folder), folder / "outputs")
+    with plain_pages():
+        return run(parse_scenario(scenario_data(folder, limits=wait()), folder), folder / "outputs")
 
 
 def test_a_vessel_waits_at_its_start_until_the_waves_are_low_enough(outcome: Outcome) -> None:

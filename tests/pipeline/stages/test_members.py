@@ -20,6 +20,7 @@ from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.season import MembersSpec
 from pipeline.stages.project import stirred
 from tests.pipeline.formats.page import Page
+from tests.pipeline.results import plain_pages
 from tests.pipeline.small_plane import small_plane
 
 SPEC = {"spread": 0.1, "eddy_km": 0.05, "count": 5}
@@ -40,7 +41,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def result(folder: Path) -> RunResult:
-    return run(parse_scenario(table()), folder).result
+    with plain_pages():
+        return run(parse_scenario(table()), folder).result
 
 
 @pytest.mark.parametrize("is_changing", [False, True])

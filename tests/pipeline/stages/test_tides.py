@@ -33,6 +33,7 @@ from pipeline.stages.places import tidal_depth
 from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival
+from tests.pipeline.results import plain_pages
 from tests.pipeline.sources.cf.levels_files import write_s104
 from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.tidal_run import run as tidal_run, tide
@@ -168,6 +169,7 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     assert stated == pytest.approx(points.ranked.metrics.least_water_m, abs=0.11)
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_with_official_levels_the_water_at_each_place_and_hour_counts(tmp_path: Path) -> None:
     # On the bar the sea stands as the tide at the start, and 0.35 m lower.
     lon, lat = np.arange(-71.06, -70.95, 0.002), np.arange(42.31, 42.37, 0.002)
@@ -292,7 +294,8 @@ LATE_S, LATENESS = 3600.0, 0.05
 def voyage(folder: Path, via: object, departure: datetime = EBB) -> Outcome:
     season = {"name": "day", "departure": departure, "currents": ["still"]}
     asked = scenario_data(folder, seasons=[season], via=[via])
-    return run(parse_scenario(asked, folder), folder / "outputs")
+    with plain_pages():
+        return run(parse_scenario(asked, folder), folder / "outputs")
 
 
 def table(waited: Outcome, name: str = "metrics.csv") -> list[dict[str, str]]:

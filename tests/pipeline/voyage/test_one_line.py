@@ -25,7 +25,7 @@ from pipeline.scenario.loading import load_scenario
 from tests.commands import ended
 from tests.conftest import ROOT
 from tests.pipeline.processes import renew
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import plain_pages, rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics, write_tide
 
@@ -173,7 +173,8 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
 @pytest.fixture(scope="module")
 def still(chart: Path, outputs: Path) -> Outcome:
     """Give a voyage in still water."""
-    return voyage(chart, outputs, "still", name="again")
+    with plain_pages():
+        return voyage(chart, outputs, "still", name="again")
 
 
 @pytest.mark.usefixtures("plain_report")
@@ -255,6 +256,7 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
     assert load_scenario(str(file)).planner.clearance == 150
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
     tmp_path: Path, chart: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -192,7 +192,7 @@ def over_lattice(
     return float(dijkstra(graph.tocsr(), indices=first)[last]) * VESSEL.fuel_rate
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 # In water 11 a tongue thinner than the lattice's cells bars the way: the lattice does not see it.
 @pytest.mark.parametrize("seed", [*range(11), *range(12, 21)])
 def test_in_drawn_waters_it_is_kept_and_no_better_way_is_missed(seed: int) -> None:

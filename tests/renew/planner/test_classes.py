@@ -157,7 +157,7 @@ def fuels(seed: int, requests: tuple[dict[str, Any], ...]) -> list[float]:
     return found
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("seed", "of"), [(34, 1), (14, 0), (68, 1), (10, 1)])
 def test_a_request_for_less_needs_no_more_fuel(seed: int, of: int) -> None:
     # These lost up to 23 %: the search with more classes, more risk or less padding shut ways.

@@ -242,6 +242,7 @@ def test_inside_v_it_leaves_by_about_the_nearest_way(depth: float) -> None:
     assert found.best.starts_in_soft_no_go
 
 
+@pytest.mark.gate_share(5)
 @pytest.mark.parametrize("heading", [None, 0.0, 2.5])
 @pytest.mark.parametrize("across", [0.0, 0.35])
 @pytest.mark.parametrize("drift", ["projected", "crab"])

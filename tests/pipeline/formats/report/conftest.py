@@ -1,8 +1,11 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+import functools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, Route
@@ -11,34 +14,65 @@ from pipeline.findings.result import RunResult
 from tests.pipeline.formats.report.actions import written
 from tests.validators import chromium
 
+# Options of a context that a page takes, too.
+MEDIA = ("color_scheme", "reduced_motion")
+
 
 @dataclass
 class Reader:
     """Opens pages, and records their requests, console errors and dialogs as faults."""
 
     browser: Browser
+    window: Page
     faults: list[str] = field(default_factory=list)
 
     def open(self, path: Path, *, width: int = 900, height: int = 700, **options: object) -> Page:
-        """Open a file in a context of its own and wait until its script has run.
+        """Open a file and wait until its script has run.
+
+        In the window of all tests, as a new one is a new process; in one of its own where it is
+        asked for what only that can have, such as a finger.
 
         Drifting particles keep a processor busy, so they only drift where motion is tested: with
         `reduced_motion="no-preference"`.
         """
-        context = self.browser.new_context(
-            viewport={"width": width, "height": height},
-            **{"reduced_motion": "reduce", **options},  # type: ignore[arg-type]
-        )
-        page = context.new_page()
+        options = {"reduced_motion": "reduce", **options}
+        size: Any = {"width": width, "height": height}
+        if options.keys() <= set(MEDIA):
+            page = self.window
+            page.set_viewport_size(size)
+            shown: dict[str, Any] = {**dict.fromkeys(("media", *MEDIA), "null"), **options}
+            page.emulate_media(**shown)
+        else:
+            page = self.browser.new_context(viewport=size, **options).new_page()  # type: ignore[arg-type]
         page.set_default_timeout(10_000)
         page.route("**/*", lambda route: self._answer(route, path.as_uri()))
-        page.on("console", self._hear)
-        page.on("pageerror", lambda error: self.faults.append(f"error: {error}"))
-        page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
+        for event, hear in self._ears.items():
+            page.on(event, hear)  # type: ignore[call-overload]
         page.goto(path.as_uri())
         if options.get("java_script_enabled", True):
             page.wait_for_selector("html[data-ready]", state="attached")
         return page
+
+    def close(self) -> None:
+        """Close what is open, and leave the window of all tests as it was."""
+        for context in self.browser.contexts:
+            if context != self.window.context:
+                context.close()
+        self.window.unroute_all()
+        self.window.goto("about:blank")
+        self.window.mouse.move(0, 0)
+        for event, hear in self._ears.items():
+            with contextlib.suppress(KeyError):  # it was never opened
+                self.window.remove_listener(event, hear)
+
+    @functools.cached_property
+    def _ears(self) -> dict[str, Callable[[Any], None]]:
+        """What hears of a page's events."""
+        return {
+            "console": self._hear,
+            "pageerror": lambda error: self.faults.append(f"error: {error}"),
+            "dialog": lambda dialog: self.faults.append(f"dialog: {dialog.message}"),
+        }
 
     def _answer(self, route: Route, allowed: str) -> None:
         if route.request.url == allowed:
@@ -61,13 +95,18 @@ def browser() -> Iterator[Browser]:
         yield browser
 
 
+@pytest.fixture(scope="package")
+def window(browser: Browser) -> Page:
+    """A window for all tests, one after the other."""
+    return browser.new_page()
+
+
 @pytest.fixture
-def reader(browser: Browser) -> Iterator[Reader]:
+def reader(browser: Browser, window: Page) -> Iterator[Reader]:
     """A reader; its pages must make no request, log no error and open no dialog."""
-    reader = Reader(browser)
+    reader = Reader(browser, window)
     yield reader
-    for context in browser.contexts:
-        context.close()
+    reader.close()
     assert reader.faults == []
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +20,7 @@ from pipeline.scenario.season import Season
 from pipeline.sources.cf import dataset as probing
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.dataset import missing_bytes
+from tests.pipeline.sources.cf.deadly_files import stand_in_probe
 from tests.pipeline.sources.cf.sample_files import LAT, LON, SEA, read
 from tests.pipeline.synthetic_currents import dataset, write
 
@@ -320,22 +319,12 @@ def test_a_truncated_classic_file_is_refused_and_not_read_as_zeros(tmp_path: Pat
 # --- Files on which the HDF5 library hangs or crashes are found in a process of their own.
 
 
-def stand_in_probe(file: Path, cpu_s: float) -> str:
-    """Do to a file what its name says."""
-    del cpu_s
-    if "hang" in file.name:
-        time.sleep(60)
-    if "crash" in file.name:
-        os.kill(os.getpid(), signal.SIGSEGV)
-    return ""
-
-
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """Put a function in the probe's place: no file is known to crash every version of a library."""
     monkeypatch.setattr(probing, "probe", stand_in_probe)
     monkeypatch.setattr(probing, "_load_libraries", float)
-    monkeypatch.setattr(probing, "_FILE_S", 3.0)
+    monkeypatch.setattr(probing, "_FILE_S", 2.0)
 
 
 @pytest.mark.usefixtures("stand_in")

@@ -93,7 +93,7 @@ def form(kind: str, step: float, folder: Path) -> Path:
 KINDS = (*FORMS, "S-111 2 of 1.0", "S-111 2 of 2.0", "S-111 3 of 1.2")
 
 
-@pytest.mark.gate_share(5)
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_form_is_read_within_the_error_of_interpolation(tmp_path: Path, kind: str) -> None:
     errors = [largest_error(read(form(kind, step, tmp_path))) for step in (STEP, STEP / 2)]
@@ -262,6 +262,7 @@ def _lost_beside_land(path: Path, east: float, north: float) -> float:
     return float(np.nanmax((1 - own / true)[true > SPEED_M_S / 2]))
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("how", ["gaps", "mask", "zeros"])
 def test_faces_on_land_are_not_averaged_as_zero(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
@@ -320,6 +321,7 @@ def test_cells_that_fall_dry_at_times_have_gaps_then(tmp_path: Path) -> None:
     assert largest_error(grid) < SPEED_M_S * np.pi / 20 / 2
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("filler", [np.nan, 0.0])
 def test_points_on_land_may_have_no_position(tmp_path: Path, filler: float) -> None:
     data = curved(STEP)

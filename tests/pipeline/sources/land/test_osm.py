@@ -288,6 +288,7 @@ def test_what_killed_processes_left_is_removed(cache: Path) -> None:
     assert sorted(cache.parent.iterdir()) == sorted([cache, new])
 
 
+@pytest.mark.slow
 def test_several_processes_may_make_it_at_once(cache: Path, root: Path) -> None:
     script = """
 import shapely
