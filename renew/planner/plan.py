@@ -152,7 +152,8 @@ def check_start_open(request: Request, departure: float) -> None:
     if opens < math.inf:
         remedy = "Depart after {2}"
     named = _named(shut, departure)
-    raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, Moment(opens))
+    opening = [Moment(opens)] * (opens < math.inf)
+    raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, *opening)
 
 
 def meetings(

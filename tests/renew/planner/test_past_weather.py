@@ -12,6 +12,7 @@ import shapely
 from shapely import box
 
 import renew
+from renew.errors import Moment
 from renew.inputs.openings import OverLimit
 from renew.planner.plan import plan_request, planner_of
 from renew.request import Request
@@ -108,8 +109,11 @@ def test_a_start_that_is_shut_is_refused_without_a_search(monkeypatch: pytest.Mo
     told = r"the start \(20, 30\) m lies in water with waves of up to 2\.0 m from .* until 1100 s; "
     with pytest.raises(renew.UnreachableError, match=told + r".*Depart after 1800 s"):
         planned(first, then)
-    with pytest.raises(renew.UnreachableError, match=r"start .* It does not open again: move it"):
+    for_ever = r"start .* It does not open again: move it"
+    with pytest.raises(renew.UnreachableError, match=for_ever) as refused:
         planned(gate(-100.0, math.inf, 15.0))
+    # No date can be told of what never comes.
+    assert all(math.isfinite(one.seconds) for one in refused.value.text.values_of(Moment))
 
 
 def test_an_unreached_limit_leaves_the_plan_as_it_is() -> None:
