@@ -103,7 +103,6 @@ _LIKELY: dict[str, tuple[str, ...]] = {
     "--season": ("still", "summer"),
     "--figure": ("routes", "along", "map"),
     "--format": ("png", "svg", "pdf", "exe"),
-    "--width": ("column", "page", "screen", "0"),
     "--older": ("30d", "12h", "0d", "-1d", "9" * 400 + "d", "1e400d"),
     "--name": ("a-name", "../x", "A"),
     "--workers": ("1", "0", "1e9", "-1"),
