@@ -18,7 +18,7 @@ ROOMS = {
     "renew": (1_505, 29),
     "pipeline": (1_111, 12),
     "pipeline/cli": (2_562, 6),
-    "pipeline/findings": (3_903, 18),
+    "pipeline/findings": (3_913, 18),
     "pipeline/formats": (7_665, 14),
     "pipeline/geo": (877, 4),
     "pipeline/machine": (1_593, 10),
