@@ -28,6 +28,7 @@ coordinates = st.floats(-20, 20)
 poses = st.tuples(coordinates, coordinates, st.floats(-math.pi, math.pi))
 
 
+@pytest.mark.slow
 @examples(10, 100)
 @given(poses, poses)
 def test_dubins_paths_are_as_long_as_ompls(

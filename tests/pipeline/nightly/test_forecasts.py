@@ -77,6 +77,7 @@ def keep(config: NightConfig, *, prune: bool = True) -> None:
     keep_forecasts(config.output, cases, newest, prune=prune)
 
 
+@pytest.mark.slow
 def test_members_are_earlier_forecasts_of_the_same_time_and_spread_as_errors_grow(
     tmp_path: Path, cluster: str
 ) -> None:

@@ -169,6 +169,7 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     assert stated == pytest.approx(points.ranked.metrics.least_water_m, abs=0.11)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain_report")
 def test_with_official_levels_the_water_at_each_place_and_hour_counts(tmp_path: Path) -> None:
     # On the bar the sea stands as the tide at the start, and 0.35 m lower.
