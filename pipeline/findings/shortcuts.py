@@ -15,7 +15,7 @@ from scipy.sparse import csgraph, csr_array
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.findings.result import NO_SHARE
-from pipeline.geo.coast import mesh_of_water
+from pipeline.geo.coast import mesh_in_tiles
 from pipeline.model import Case, CaseResult
 from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.inputs.current import as_field
@@ -61,7 +61,7 @@ def shortcuts(
     stops = np.concatenate([case.stops for case, _ in planned])
     land = np.array(planned[0][0].water.land, dtype=object)
     near = land[shapely.intersects(area, land)]
-    mesh = mesh_of_water(near, area, stops) if len(lines) else None
+    mesh = mesh_in_tiles(near, area, stops) if len(lines) else None
     if mesh is None:
         return []
     ways = list[Shortcut]()

@@ -26,7 +26,7 @@ from scipy.sparse import csgraph
 
 import renew
 from pipeline._types import FloatArray, Geometries, IndexArray
-from renew.classes.triangulation import Triangulation, triangulate
+from renew.classes.triangulation import Triangulation, triangulate, triangulate_tiles
 
 # Share of the tolerance that is cut before the buffer. The rest is cut after it, which also removes
 # vertices that the buffer adds. Of the shares that were tried, this left the fewest vertices.
@@ -311,6 +311,33 @@ def mesh_of_water(
     shell, *holes = shapely.polygons(shapely.segmentize(rings, piece_m) if piece_m else rings)
     # The land is not the chart's no-go zone here, because all of a no-go zone is united first.
     return triangulate(renew.Chart(shell), closed=shapely.MultiPolygon(holes))
+
+
+# Number of the land's vertices in a tile of water, about.
+_TILE = 2_000
+
+
+def mesh_in_tiles(
+    land: Geometries, extent: shapely.Polygon, points: FloatArray
+) -> Triangulation | None:
+    """Triangulate the water in tiles; None if the points (n, 2) do not lie in one body of water."""
+    count = max(1, round(math.sqrt(shapely.get_num_coordinates(land).sum() / _TILE)))
+    west, south, east, north = extent.bounds
+    x, y = (np.linspace(*of, count + 1) for of in ((west, east), (south, north)))
+    boxes = shapely.box(x[:-1], y[:-1, None], x[1:], y[1:, None]).ravel()
+    tiles = shapely.intersection(boxes, extent)
+    pieces = in_small_pieces(land)
+    tile, piece = shapely.STRtree(pieces).query(tiles, "intersects")
+    for at in np.unique(tile):
+        tiles[at] = shapely.difference(tiles[at], shapely.union_all(pieces[piece[tile == at]]))
+    water = shapely.get_parts(tiles)
+    mesh = triangulate_tiles(water[shapely.get_dimensions(water) == _AREA])
+    triangle, corner = np.nonzero(mesh.neighbours >= 0)
+    meeting = triangle, mesh.neighbours[triangle, corner]
+    graph = sparse.coo_array((np.ones(len(triangle)), meeting), shape=(len(mesh.triangles),) * 2)
+    body = csgraph.connected_components(graph, directed=False)[1]
+    holding = [mesh.locate(point) for point in points]
+    return mesh if min(holding) >= 0 and len(set(body[holding])) == 1 else None
 
 
 # Number of times that a line from shore to shore is drawn to the nearest point of either shore. It

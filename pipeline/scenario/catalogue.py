@@ -374,7 +374,7 @@ def _content(path: Path) -> bytes:
 def _toml(content: bytes, path: Path) -> dict[str, Any]:
     """Return the table in a TOML file's bytes; anything else is refused with a one-line error."""
     try:
-        return tomllib.loads(content.decode("utf-8"))
+        return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise RequestError(
             f"{path} is not text (byte {error.start} is not UTF-8); give a TOML file"

@@ -18,6 +18,7 @@ from pydantic import (
     AfterValidator,
     AwareDatetime,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     Strict,
@@ -150,7 +151,14 @@ def usable_path(text: str, info: ValidationInfo) -> str:
     return DiskPath(resolved(info.context["folder"] / text if is_relative else text, "scenario"))
 
 
-Moment = Annotated[AwareDatetime, AfterValidator(in_years)]
+def _written(given: object) -> object:
+    """Refuse a number, which would be taken for seconds since 1970."""
+    if str(given).lstrip("-").replace(".", "").isdecimal():
+        raise ValueError(f"= {given} is a number")
+    return given
+
+
+Moment = Annotated[AwareDatetime, BeforeValidator(_written), AfterValidator(in_years)]
 PathText = Annotated[str, AfterValidator(usable_path)]
 _SimpleRing = AfterValidator(_simple_polygon)
 Corners = Annotated[tuple[Point, ...], Field(min_length=3), _SimpleRing]

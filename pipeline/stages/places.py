@@ -378,7 +378,7 @@ def tidal_depth(
     if spec is None:
         return lambda _: None
     stations = stations_of(spec)
-    _check_datum(chart, land, stations)
+    check_datum(chart, land, stations)
     extent, projection = water.chart.extent, water.projection
     areas, needs, names, of = list[shapely.Polygon](), list[float](), list[str](), list[int]()
     shore = projection.geometry_to_plane(np.array(simplified.inner_polygons, dtype=object))
@@ -479,7 +479,7 @@ def _next_hours(
     return case.moment(begin), case.moment(until)
 
 
-def _check_datum(chart: ChartSpec, land: model.Land, stations: Sequence[Station]) -> None:
+def check_datum(chart: ChartSpec, land: model.Land, stations: Sequence[Station]) -> None:
     """Refuse a chart without depths, and depths and tides that are not counted from one datum."""
     stated, faults = chart.datum, list[str]()
     datum = land.datum or ("" if chart.depths else stated)

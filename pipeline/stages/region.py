@@ -28,7 +28,8 @@ from pipeline.sources.land import osm
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.land.vector import open_layer, read_havens
 from pipeline.sources.registry import charted_land, current_source
-from pipeline.stages.places import avoided_zones, lakes_text, not_in_water
+from pipeline.sources.tide_stations import stations_of
+from pipeline.stages.places import avoided_zones, check_datum, lakes_text, not_in_water
 from pipeline.stages.water_grid import (
     FAR_WAY,
     MAX_LATITUDE,
@@ -66,8 +67,14 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
         if abs(lat) > MAX_LATITUDE:
             yield (
                 f"{name} = {[lon, lat]} lies beyond {MAX_LATITUDE:g} degrees of latitude, where no "
-                "region is chosen; move it away from the pole, or give a [region]"
+                "region is chosen; move it away from the pole, or in a scenario give a [region]"
             )
+    east = [lon for lon, _ in stops] if scenario.region is None else [0.0]
+    if (width := max(east) - min(east)) > MAX_WIDTH - 1:
+        yield (
+            f"the stops are {width:g} degrees of longitude apart, and a chart is at most "
+            f"{MAX_WIDTH:g} wide; plan the voyage in parts"
+        )
     lacking: dict[str, list[str]] = {}
     for season in scenario.seasons:
         about = season.members, season.current_variables
@@ -110,8 +117,11 @@ def require_whole_files(scenario: Scenario) -> None:
         faults.collect(partial(open_layer, Path(area.path), area.layer, area.crs, version))
     if (havens := scenario.havens) is not None:
         faults.collect(lambda: read_havens(Path(havens.path)))
-    if scenario.chart.depths or any(source.path for source in scenario.chart.source):
-        faults.collect(lambda: charted_land(scenario).land(region))
+    tide = scenario.tide
+    if tide or scenario.chart.depths or any(source.path for source in scenario.chart.source):
+        land = faults.collect(lambda: charted_land(scenario).land(region))
+        if tide and land:
+            faults.collect(lambda: check_datum(scenario.chart, land, stations_of(tide)))
     if faults.lines:
         raise RequestError(faults.lines)
 

@@ -27,8 +27,10 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.stages.lanes import AgainstLane, against_lanes
 from pipeline.stages.measure import measured
 from pipeline.stages.plan_case import reason_text
+from pipeline.voyage.positions import spelled
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.route_file import GivenRoute
+from renew.errors import Moment, Text
 
 # Least true metres of a crossing that is named: a shorter one only grazes the shore.
 _LEAST_M = 1.0
@@ -93,7 +95,7 @@ def check_route(
     said = (
         *notes,
         *([f"the first of {route.others + 1} routes of the file was checked"] * bool(route.others)),
-        *(f"it ends where it begins: routes beside it pass {one}" for one in route.stops["via"]),
+        *(f"it ends where it begins: routes beside it pass {spelled(one)}" for one in request.via),
     )
     chosen, land = prepare(
         scenario, request.output, offline=request.offline, holding=line, on_event=on_event
@@ -161,6 +163,10 @@ def _assessed(
             f"FILE: beyond {case.water.place_text(slow)} the current lets the vessel make no way "
             "along the route; give a faster vessel, or another departure"
         )
+    if (until := case.current.span[1]) < found.times[-1]:
+        ends = Text("{0}, and the route at {1}", (Moment(until), Moment(found.times[-1].item())))
+        remedy = "give currents that reach further, or depart earlier"
+        raise RequestError(f"FILE: the currents end at {planner_text(ends, case)}; {remedy}")
     routes = [*dict.fromkeys(filter(None, (found.route, found.same_side, found.best)))]
     result = CaseResult(case.name, renew.Plan(tuple(routes), ()), "", 0.0)
     result = replace(result, measures=measured(case, result, options))

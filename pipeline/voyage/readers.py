@@ -101,8 +101,8 @@ def read_clearance_m(given: str | float) -> float:
 
 def read_padding_m(given: str | float) -> str | float:
     """Read a padding: 'adaptive', 'triangle' or 'none', or true metres."""
-    if given in ("adaptive", "triangle", "none"):
-        return given
+    if (word := str(given).lower()) in ("adaptive", "triangle", "none"):
+        return word
     return read_clearance_m(given)
 
 
@@ -135,6 +135,14 @@ def zoned_time(given: str | datetime) -> datetime:
         ) from None
     text = time.isoformat(timespec="minutes")
     raise ValueError(f"{given} has no zone; add it: {text}Z for UTC, or {text}+08:00")
+
+
+def read_interval(text: str) -> str:
+    """Read a time that something lasts, which a scenario has as a text."""
+    from pipeline.scenario.season import interval
+
+    interval(text)
+    return text
 
 
 def read_months(texts: Sequence[str]) -> tuple[str, ...]:

@@ -57,17 +57,17 @@ class VoyageRequest:
         ),
     ] = ()
     havens: Annotated[Path | None, readers.readable("give a GeoJSON file of points")] = None
-    within: str = ""
-    endurance: str = ""
+    within: Annotated[str, readers.read_interval] = ""
+    endurance: Annotated[str, readers.read_interval] = ""
     waves: Annotated[tuple[Path, ...], each(readers.readable(_FIELDS))] = ()
     max_wave: Annotated[float | None, readers.dimension_m] = None
     wind: Annotated[tuple[Path, ...], each(readers.readable(_FIELDS))] = ()
     max_wind: Annotated[float | None, readers.above_0_m_s] = None
-    wait: str = ""
+    wait: Annotated[str, readers.read_interval] = ""
     clearance_m: Annotated[float | None, readers.read_clearance_m] = None
     padding: Annotated[str | float | None, readers.read_padding_m] = None
     shortfall: Annotated[str, readers.read_shortfall] = "least"
-    adrift: str = ""
+    adrift: Annotated[str, readers.read_interval] = ""
     snap_m: Annotated[float, readers.read_clearance_m] = SNAP_M
     charts: Annotated[tuple[dict[str, Any], ...], readers.read_charts] = ()
     depths: Annotated[

@@ -36,7 +36,7 @@ _DEGREE_M = 111_000.0
 # A route ends where it begins if its ends are apart by less than this share of its farthest point.
 _HOME_SHARE = 0.1
 # What the libraries that read a file raise where it is damaged; lxml's error is a SyntaxError.
-_DAMAGED = (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, SyntaxError)
+_DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError, SyntaxError)
 
 
 class RoutePoint(NamedTuple):

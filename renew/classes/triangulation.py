@@ -9,6 +9,7 @@ unique, and both give the same triangles, in another order.
 Water can be closed as if it were land, such as water whose current is as strong as the vessel.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -172,22 +173,41 @@ def triangulate(
         water = chart.less(water, closed)
     if water.is_empty:
         raise UnreachableError("the current is as strong as the vessel on all of the water")
-    corners = _by_triangle(water, chart.precision) if backend == "triangle" else _by_shapely(water)
+    corners = (
+        _by_triangle(water, chart.precision)
+        if backend == "triangle"
+        else _by_shapely(shapely.get_parts(water))
+    )
     shapely.prepare(water)
     corners = corners[shapely.contains_xy(water, corners.mean(axis=1))]
-    turn = _area(corners[:, 0], corners[:, 1], corners[:, 2])
-    corners[turn < 0] = corners[turn < 0][:, ::-1]
-    missing = water.area - np.abs(turn).sum() / 2
+    missing = water.area - np.abs(_area(*corners.swapaxes(0, 1))).sum() / 2
     if abs(missing) > 1e-6 * chart.extent.area:
         raise GeometryError(
             f"chart: its triangles miss {missing:g} m² of {water.area:g} m² of water; "
             "simplify or buffer the no-go zone so that no vertices nearly coincide"
         )
-    vertices, triangles = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-    triangles = triangles.reshape(-1, 3)
-    neighbours = _neighbours(triangles)
+    vertices, triangles, neighbours = _joined(corners)
     hazardous = _hazardous(chart, closed, vertices, triangles, neighbours, beside)
     return Triangulation(vertices, triangles, neighbours, hazardous)
+
+
+def triangulate_tiles(tiles: Sequence[shapely.Polygon]) -> Triangulation:
+    """Triangulate water in tiles that meet along whole edges; no edge is a hazard.
+
+    Their common edges are edges of triangles. GEOS's time grows with the square of the vertices: a
+    long coast in tiles takes seconds, not minutes.
+    """
+    vertices, triangles, neighbours = _joined(_by_shapely(tiles))
+    return Triangulation(vertices, triangles, neighbours, np.zeros(triangles.shape, dtype=bool))
+
+
+def _joined(corners: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return vertices (v, 2) of triangles (t, 3, 2), and (t, 3) their indices and neighbours."""
+    is_clockwise = _area(*corners.swapaxes(0, 1)) < 0
+    corners[is_clockwise] = corners[is_clockwise][:, ::-1]
+    vertices, triangles = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    return vertices, triangles, _neighbours(triangles)
 
 
 def _by_triangle(water: shapely.Geometry, precision: float) -> FloatArray:
@@ -218,10 +238,10 @@ def _by_triangle(water: shapely.Geometry, precision: float) -> FloatArray:
     return np.asarray(vertices[result["triangles"]])
 
 
-def _by_shapely(water: shapely.Geometry) -> FloatArray:
+def _by_shapely(water: Sequence[shapely.Polygon]) -> FloatArray:
     """Return corners (t, 3, 2) by GEOS's constrained Delaunay triangulation."""
     cells = shapely.get_parts(
-        [shapely.constrained_delaunay_triangles(polygon) for polygon in shapely.get_parts(water)]
+        [shapely.constrained_delaunay_triangles(polygon) for polygon in water]
     )
     return np.array(shapely.get_coordinates(cells).reshape(-1, 4, 2)[:, :3])
 

@@ -258,9 +258,9 @@ _FILLED_LAND_SHARE = 0.5
 _MIN_FILLER_LAND_SHARE = 0.9
 # and no more than this share of the open water: of zeros, as water may stand still, and of others.
 _MAX_ZERO_WATER_SHARE, _MAX_FILLER_WATER_SHARE = 0.01, 0.5
-# So does a value of a component that this share of the cells has, so many times as many as any
-# other value but 0, and so many times the root mean square of the others.
-_ODD_SHARE, _ODD_COUNTS, _ODD_SIZE = 0.01, 10, 2.0
+# So does a value of a component that this share of the cells has, and so many times as many as any
+# other that is so many times the lower quartile. A field by formula may have few values.
+_ODD_SHARE, _ODD_COUNTS, _ODD_SIZE, _LEAST_VALUES = 0.01, 10, 6.0, 100
 # Number of cells of land from which that holds of other values than zero.
 _MIN_FILLER_CELLS = 20
 
@@ -383,14 +383,13 @@ def _odd_cells(parts: FloatArray) -> tuple[BoolArray | None, tuple[Note, ...]]:
     """Return the cells (ny, nx) with one odd value in all fields (nf, 2, ny, nx) of a component."""
     found = np.zeros(parts.shape[2:], dtype=bool)
     for part in np.swapaxes(parts, 0, 1):
-        moving = np.isfinite(part[0]) & (part[0] != 0)
-        values, counts = np.unique(part[0][moving], return_counts=True)
-        if len(values) > 1:
-            second, most = np.argsort(counts)[-2:]
-            odd = (part == values[most]).all(axis=0)
-            least = max(_MIN_FILLER_CELLS, _ODD_SHARE * odd.size, _ODD_COUNTS * counts[second])
-            others_m_s = np.sqrt(np.mean(part[0][moving & ~odd] ** 2))
-            found |= odd & (counts[most] >= least and abs(values[most]) > _ODD_SIZE * others_m_s)
+        values, counts = np.unique(part[0][np.isfinite(part[0])], return_counts=True)
+        if len(values) < _LEAST_VALUES:
+            continue
+        counts[np.abs(values) <= _ODD_SIZE * np.quantile(np.abs(values.repeat(counts)), 0.25)] = 0
+        second, most = np.sort(counts)[-2:]
+        if most >= max(_MIN_FILLER_CELLS, _ODD_SHARE * found.size, _ODD_COUNTS * second):
+            found |= (part == values[counts.argmax()]).all(axis=0)
     notes = (Note.of("filler-in-water", share=float(found.mean())),)
     return (found, notes) if found.any() else (None, ())
 

@@ -9,10 +9,12 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings, strategies as st
 
+from pipeline.geo import coast
 from pipeline.geo.coast import (
     covering_land,
     in_small_pieces,
     inner_land,
+    mesh_in_tiles,
     opened,
     parted,
     shore_to_shore,
@@ -322,6 +324,24 @@ def test_among_many_islets_the_way_passes_the_widest_gate_that_joins_the_ends(se
     assert shapely.distance(way, middle).min() < 1e-3
     crossed = [gate for gate in narrower if shapely.crosses(way, gate).any()]
     assert [gate.length for gate in crossed if gate.length < width - 1e-3] == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_tiles_of_water_meet_everywhere_but_on_land(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(coast, "_TILE", 30)
+    land, ends = _skerry(seed), np.stack([START, GOAL])
+    extent = WATER.buffer(-1.0).union(shapely.Point(5e3, 5e3).buffer(5.2e3)).convex_hull
+    water, mesh = extent.difference(shapely.union_all(land)), mesh_in_tiles(land, extent, ends)
+    if not any(body.covers(shapely.MultiPoint(ends)) for body in shapely.get_parts(water)):
+        assert mesh is None
+        return
+    assert mesh is not None
+    assert shapely.area(shapely.polygons(mesh.corners)).sum() == pytest.approx(water.area)
+    outer = mesh.vertices[mesh.edge_vertices(*np.nonzero(mesh.neighbours < 0))]
+    off_shore = shapely.distance(water.boundary, shapely.points(outer.mean(axis=1)))
+    assert off_shore.max() < 1e-6
 
 
 def test_an_island_beside_a_gap_is_no_shore_of_it() -> None:

@@ -54,6 +54,12 @@ def test_times_in_years_that_no_clock_knows_are_refused(year: str) -> None:
     assert "or a year before 1700 or after 2199" in fault
 
 
+@pytest.mark.parametrize("given", [20240315, -1.5, "20240315"])
+def test_a_number_is_no_time_since_1970(given: object) -> None:
+    (fault,) = faults(seasons=[{"name": "a", "currents": ["still"], "departure": given}])
+    assert f"departure = {given} is a number; give a time with its zone" in fault
+
+
 def test_depths_need_a_file_and_a_draught() -> None:
     given = {"length_m": 2.0, "speed_m_s": 1.0, "turn_rate_deg_s": 35.0}
     missing, draught = faults(chart={"depths": "nowhere.nc"}, vessel=given)

@@ -28,6 +28,7 @@ from pipeline.stages.region import (
     grown,
     opened,
     require_covered,
+    require_whole_files,
     sides_near,
     uncovered_seasons,
 )
@@ -51,6 +52,19 @@ def test_only_the_sides_that_a_path_comes_near_are_found() -> None:
     assert near((11, 50.5), (11.95, 50.97)) == ["east", "north"]
     assert near((11, 50.02)) == ["south"]
     assert sides_near(BOUNDS, [], MARGIN_M) == []
+
+
+def test_stops_half_a_world_apart_are_refused_at_once() -> None:
+    table = read_toml(scenario_path("palawan-season")) | {"start": [0.0, 0.0], "goal": [180.0, 0.0]}
+    season = {"name": "a", "currents": ["still"]}
+    asked = parse_scenario({**table, "region": None, "seasons": [season]})
+    (fault,) = uncovered_seasons(asked)
+    assert fault.startswith("the stops are 180 degrees of longitude apart")
+
+
+def test_a_mark_of_byte_order_is_no_part_of_a_scenario(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("\ufeffname = 'a'\r\n", encoding="utf-8")
+    assert read_toml(tmp_path / "a.toml") == {"name": "a"}
 
 
 def test_near_is_a_share_of_the_margin_on_the_ground() -> None:
@@ -355,3 +369,12 @@ def test_the_quick_look_finds_water_with_a_way_out(tmp_path: Path) -> None:
     _, (lon, lat) = advised(RequestError(fault.replace("move it", "move start")))
     assert lon < 30
     assert island.distance(shapely.Point(lon, lat)) > 0
+
+
+@pytest.mark.slow
+def test_a_tide_over_no_depths_is_found_before_a_run() -> None:
+    table = read_toml(scenario_path("palawan-season")) | {"tide": {"stations": ["boston"]}}
+    departure = {"time_method": "changing", "departure": "2026-11-22T06:00:00Z"}
+    season = {"name": "a", "currents": ["copernicus-total-hourly"], **departure}
+    with pytest.raises(RequestError, match=r"\[tide\] needs a chart with depths"):
+        require_whole_files(parse_scenario({**table, "scale": 1, "seasons": [season]}))

@@ -184,6 +184,7 @@ def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_p
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 95]]}', "latitude 95"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "all at one place"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, "x"], [1, 2]]}', "is damaged"),
+        ("a.json", '{"type": "LineString", "coordinates": [[1], [2]]}', "is damaged"),
         ("a.json", f'{{"type": "LineString", "coordinates": [[1{"0" * 400}, 2]]}}', "is damaged"),
         ("a.rtz", "<route><waypoints><waypoint/></waypoints></route>", "is damaged"),
     ],
@@ -195,6 +196,14 @@ def test_what_is_no_route_says_why(
         (tmp_path / name).write_text(content)
     with pytest.raises(RequestError, match=f"^FILE: .*{name} .*{why}"):
         read_route(tmp_path / name)
+
+
+@pytest.mark.slow
+def test_a_route_on_which_the_currents_end_is_not_checked(folder: Path, planned: Outcome) -> None:
+    file = next(planned.directory.glob("*.geojson"))
+    result = checked(folder, file, "--depart", "2026-11-23T10:50Z")
+    assert result.exit_code == 2
+    assert "FILE: the currents end at 2026-11-23 11:00 UTC, and the route at" in result.stderr
 
 
 def test_a_season_that_could_not_be_checked_is_named_and_counts(

@@ -73,6 +73,12 @@ def test_a_point_on_the_way_in_another_sea_is_refused() -> None:
     assert scenario_of(dict(PALAWAN, goal=PALAWAN["start"], via=("140,10",)))[0].via
 
 
+@pytest.mark.parametrize("option", ["adrift", "within", "endurance", "wait"])
+def test_an_interval_is_refused_by_the_name_of_its_option(option: str) -> None:
+    with pytest.raises(RequestError, match=f"--{option} = '6' is not an interval"):
+        scenario_of(dict(PALAWAN, **{option: "6"}))
+
+
 def test_files_belong_together_and_names_are_of_the_catalogue(tmp_path: Path) -> None:
     field = sea(np.arange(116, 121.1, 0.5), np.arange(7, 13.6, 0.5))
     files = [str(write(tmp_path / name, dataset(field))) for name in ("a.nc", "b.nc")]
