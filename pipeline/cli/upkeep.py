@@ -296,7 +296,7 @@ def _group() -> None:
 def install(*, profile: str = "default", plugins: Path | None = None) -> None:
     """Put the plugin into the user's profile of QGIS, in place of an earlier version."""
     with reported_errors():
-        if Path(profile).name != profile:
+        if Path(profile).name != profile or profile == "..":
             raise RequestError(f"--profile = {shown(profile)!r} is no name; give one without '/'")
         parent = plugins or _profiles() / profile / "python" / "plugins"
         target = folder_to_write(parent, "--plugins") / _PLUGIN

@@ -347,6 +347,11 @@ class _StraitFinder:
 
 # Coasts are divided into pieces of this many segments, to measure distances between pieces.
 _PIECE = 16
+# Number of pieces whose neighbours are looked up at a time.
+_BATCH = 4_096
+# Shares of the largest width, up to which gaps are looked for in turn: the narrow ones join most of
+# the land, and few pairs are left for the others.
+_SHARES = np.array([1 / 16, 1 / 4, 1.0])
 
 
 def narrow_gaps(
@@ -357,51 +362,56 @@ def narrow_gaps(
     Each has a line (2, 2) from coast to coast, and the size of the smaller part: the diagonal of
     its bounds. Gaps up to `widest_m` wide count, the narrowest first; `is_shut` takes a line.
     """
-    from scipy.cluster.hierarchy import DisjointSet
-
     bodies = shapely.get_parts(shapely.disjoint_subset_union_all(land))
     if len(bodies) < 2:
         return []
-    close, owner = _close_pairs(bodies, widest_m)
-    parts, bounds = DisjointSet(range(len(bodies))), shapely.bounds(bodies).reshape(-1, 2, 2)
-    gaps = []
-    for coasts, pair in zip(close, owner.tolist(), strict=True):
-        one, other = (parts[body] for body in pair)
-        if one == other:
-            continue
-        line = shapely.get_coordinates(shapely.shortest_line(*coasts))
-        if is_shut(line):
-            both = bounds[[one, other]]
-            gaps.append((line, float(np.linalg.norm(np.diff(both, axis=1), axis=-1).min())))
-            parts.merge(one, other)
-            bounds[parts[one]] = both[:, 0].min(axis=0), both[:, 1].max(axis=0)
+    pieces, owner = _pieces(bodies)
+    tree, gaps, least = shapely.STRtree(pieces), list[tuple[FloatArray, float]](), -1.0
+    # The number of each body's part is that of one of its bodies.
+    part, bounds = np.arange(len(bodies)), shapely.bounds(bodies).reshape(-1, 2, 2)
+    for widest in (widest_m * _SHARES).tolist():
+        close = _close_pairs(tree, part[owner], owner, least, widest)
+        least = widest
+        for both in close.tolist():
+            one, other = part[owner[both]].tolist()
+            if one == other:
+                continue
+            line = shapely.get_coordinates(shapely.shortest_line(*pieces[both]))
+            if is_shut(line):
+                ends = bounds[[one, other]]
+                gaps.append((line, float(np.linalg.norm(np.diff(ends, axis=1), axis=-1).min())))
+                part[part == other] = one
+                bounds[one] = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     return gaps
 
 
-def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[Geometries, IndexArray]:
-    """Return the closest pieces of coast (n, 2) of bodies that are close, and the bodies (n, 2).
+def _close_pairs(
+    tree: shapely.STRtree, part: IndexArray, owner: IndexArray, least: float, widest: float
+) -> IndexArray:
+    """Return the closest pieces of coast (n, 2) of bodies in different parts, the closest first.
 
-    The closest bodies come first.
+    They are more than `least` and up to `widest` m apart. `part` and `owner` (p,) are the part and
+    the body of each piece of the tree.
     """
-    pieces, owner = _pieces(bodies)
-    if not len(pieces):
-        return np.empty((0, 2), dtype=object), np.empty((0, 2), dtype=np.intp)
+    pieces, found = tree.geometries, list[tuple[IndexArray, IndexArray, FloatArray]]()
     # By their boxes first: nearly all close pieces are neighbours on one coast.
-    boxes = shapely.box(*(shapely.bounds(pieces) + widest_m * np.array([-1, -1, 1, 1])).T)
-    one, other = shapely.STRtree(pieces).query(boxes)
-    differ = owner[one] < owner[other]
-    one, other = one[differ], other[differ]
-    apart = shapely.distance(pieces[one], pieces[other])
-    near = apart <= widest_m
-    one, other, apart = one[near], other[near], apart[near]
+    boxes = shapely.box(*(shapely.bounds(pieces) + widest * np.array([-1, -1, 1, 1])).T)
+    for begin in range(0, len(pieces), _BATCH):
+        one, other = tree.query(boxes[begin : begin + _BATCH]) + np.array([[begin], [0]])
+        differ = (owner[one] < owner[other]) & (part[one] != part[other])
+        one, other = one[differ], other[differ]
+        apart = shapely.distance(pieces[one], pieces[other])
+        near = apart <= widest
+        found.append((one[near], other[near], apart[near]))
+    one, other, apart = (np.concatenate(columns) for columns in zip(*found, strict=True))
     order = np.lexsort((apart, owner[other], owner[one]))
     pairs = np.stack([owner[one[order]], owner[other[order]]], axis=-1)
     is_first = np.ones(len(pairs), dtype=bool)
     is_first[1:] = (pairs[1:] != pairs[:-1]).any(axis=1)
     nearest = order[is_first]
+    nearest = nearest[apart[nearest] > least]
     nearest = nearest[np.argsort(apart[nearest], kind="stable")]
-    both = np.stack([one[nearest], other[nearest]], axis=-1)
-    return pieces[both], owner[both]
+    return np.stack([one[nearest], other[nearest]], axis=-1)
 
 
 def _pieces(bodies: Geometries) -> tuple[Geometries, IndexArray]:

@@ -231,18 +231,15 @@ def _faults_of_files(
         yield (f"{at.datum} = {asked.datum!r} is of charted depths; add {at.depths} or {at.charts}")
 
 
-def _km(one: Position, other: Position) -> float:
-    """Return the distance between two positions, km."""
-    from pyproj import Geod
-
-    return float(Geod(ellps="WGS84").inv(one.lon, one.lat, other.lon, other.lat)[2]) / 1000
-
-
 def _faults_of_via(ends: Sequence[Position], via: Sequence[Position], option: str) -> Iterator[str]:
     """Yield points in another sea than start and goal, unless these are one harbour: a slip."""
-    direct = _km(*ends)
-    for point in via:
-        off = min(_km(point, end) for end in ends)
+    from pyproj import Geod
+
+    direct, *away = (
+        float(Geod(ellps="WGS84").inv(one.lon, one.lat, other.lon, other.lat)[2]) / 1000
+        for one, other in (ends, *((point, end) for point in via for end in ends))
+    )
+    for point, off in zip(via, map(min, away[::2], away[1::2]), strict=True):
         if direct > 10 and off > max(1_000, 10 * direct):
             yield (
                 f"{option} {spelled(point)} lies {off:,.0f} km from start and goal, which are "

@@ -153,7 +153,8 @@ def check_start_open(request: Request, departure: float, longest: float = 0.0) -
         wait = f", or let the vessel wait{' longer' if longest else ''} (--wait, [limits])"
         remedy = "Depart after {2}" + wait * any(isinstance(area, OverLimit) for area in shut)
     named = _named(shut, departure)
-    raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, Moment(opens))
+    opening = [Moment(opens)] * (opens < math.inf)
+    raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, *opening)
 
 
 def meetings(

@@ -13,6 +13,7 @@ import calendar
 import contextlib
 import itertools
 import re
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -526,13 +527,11 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
             raise ValueError("no date with a clock, in UTC or a zone as -6:00")  # noqa: TRY301
         hours, minutes = (int(f"{said['sign'] or ''}{said[part] or 0}") for part in ("h", "min"))
         offset = timedelta(hours=hours, minutes=minutes)
-        decoded = netCDF4.num2date(
-            values,
-            said["local"],
-            name,
-            only_use_cftime_datetimes=False,
-            only_use_python_datetimes=True,
-        )
+        with warnings.catch_warnings(action="ignore"):  # of years that no file of currents has
+            decoded = netCDF4.num2date(
+                values, said["local"], name,
+                only_use_cftime_datetimes=False, only_use_python_datetimes=True,
+            )  # fmt: skip
         stamps: list[datetime] = np.atleast_1d(np.asarray(decoded, dtype=object)).tolist()
         # Plain datetimes: a store holds none of netCDF4's own kind.
         plain = [datetime.combine(stamp.date(), stamp.time(), UTC) for stamp in stamps]

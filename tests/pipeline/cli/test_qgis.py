@@ -55,7 +55,7 @@ def test_something_else_in_its_place_is_left_alone(tmp_path: Path) -> None:
     assert code == 2
     assert "is something else; move it away" in said
     assert (tmp_path / "renew_routes" / "mine.txt").is_file()
-    assert installed("--profile", "../elsewhere")[0] == 2
+    assert installed("--profile", "../elsewhere")[0] == installed("--profile", "..")[0] == 2
 
 
 def test_the_plugin_needs_nothing_that_qgis_lacks() -> None:

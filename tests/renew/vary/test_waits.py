@@ -13,6 +13,7 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
+from renew.errors import Moment
 from renew.inputs.current import CurrentLike
 from renew.inputs.openings import OverLimit
 from renew.planner.plan import plan_request, planner_of
@@ -182,8 +183,11 @@ def test_a_start_that_stays_shut_is_refused_without_a_search(
     told = r"the start \(20, 30\) m lies in water with waves of up to 2\.0 m from .* until 1100 s; "
     with pytest.raises(renew.UnreachableError, match=told + r".*Depart after 1800 s, or let the"):
         waiting(first, then, longest=longest)
-    with pytest.raises(renew.UnreachableError, match=r"start .* It does not open again: move it"):
+    for_ever = r"start .* It does not open again: move it"
+    with pytest.raises(renew.UnreachableError, match=for_ever) as refused:
         waiting(gate(-100.0, math.inf, 15.0), longest=longest)
+    # No date can be told of what never comes.
+    assert all(math.isfinite(one.seconds) for one in refused.value.text.values_of(Moment))
 
 
 def test_a_start_that_opens_within_the_wait_is_left_then() -> None:

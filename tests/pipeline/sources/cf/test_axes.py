@@ -105,7 +105,16 @@ def test_a_calendar_called_julian_means_the_real_dates() -> None:
         read([0], "days since 1850-01-01", calendar="julian")
 
 
-@pytest.mark.parametrize("units", ["m", "", "days since the flood", "fortnights since 2020-01-01"])
+@pytest.mark.parametrize(
+    "units",
+    [
+        "m",
+        "",
+        "days since the flood",
+        "fortnights since 2020-01-01",
+        "days since -4713-01-01 12:00",
+    ],
+)
 def test_what_is_no_time_is_refused(units: str) -> None:
     with pytest.raises(ValueError, match="time is no time"):
         read([0, 24], units)
