@@ -278,7 +278,7 @@ def planned(folder: Path, season: dict[str, Any], **changes: object) -> RunResul
         return found
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("members", [{}, {"members": SPREAD}])
 def test_a_departure_of_a_window_is_planned_as_one_that_is_given(
     folder: Path, members: dict[str, Any]
