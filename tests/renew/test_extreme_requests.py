@@ -78,7 +78,7 @@ def usual_cpu_seconds() -> float:
     return cpu_seconds(lambda: gyre_at(0.05))
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("risk", [1e-3, 1e-5, RANGES["risk"]["ge"]])
 def test_small_risks_cost_bounded_time_and_memory(risk: float) -> None:
     tracemalloc.start()

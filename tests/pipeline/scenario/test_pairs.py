@@ -221,7 +221,7 @@ def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
     assert outcome(asked, folder) in {"planned", "refused"}
 
 
-@examples(gate=2, new=300)
+@examples(gate=1, new=300)
 @given(asked=drawn(in_a_plane))
 def test_a_voyage_in_a_plane_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path
