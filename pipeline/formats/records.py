@@ -210,7 +210,7 @@ def write_currents(case: RunCase, path: Path) -> None:
     plane = pyproj.CRS.from_user_input(projection.crs)
     content = {
         "crs": ((), np.int32(0), plane.to_cf() | {"long_name": "the planner's plane, conformal"}),
-        **_axes(plane, projection.scale, table),
+        **_axes(projection.scale, table),
         "lon": (("y", "x"), lonlat[..., 0], _DEGREES["lon"]),
         "lat": (("y", "x"), lonlat[..., 1], _DEGREES["lat"]),
         "filled": (("y", "x"), filled.astype("i1"), _FILLED),
@@ -271,17 +271,16 @@ def _about(case: RunCase, grid: CurrentGrid) -> dict[str, str]:
     }
 
 
-def _axes(plane: pyproj.CRS, scale: float, table: CurrentTable) -> dict[str, _Variable]:
-    """Return the nodes' coordinates in the plane's CRS, at true scale and in the CRS's own unit."""
-    unit_m = plane.axis_info[0].unit_conversion_factor
+def _axes(scale: float, table: CurrentTable) -> dict[str, _Variable]:
+    """Return the nodes' coordinates in the plane's CRS, at true scale."""
     return {
         name: (
             (name,),
-            nodes * (scale / unit_m),
+            nodes * scale,
             {
                 "standard_name": f"projection_{name}_coordinate",
                 "long_name": f"{name} in the planner's plane",
-                "units": "m" if unit_m == 1 else f"{unit_m!r} m",
+                "units": "m",
                 "axis": name.upper(),
             },
         )

@@ -164,7 +164,7 @@ def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Wate
     if scenario.region is None:
         raise ValueError("the region is chosen before")
     region = scenario.region.shape
-    projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
+    projection = Projection.for_region(region, scenario.scale)
     no_go, inner_land = (
         projection.geometry_to_plane(np.array(polygons, dtype=object))
         for polygons in (simplified.polygons, simplified.inner_polygons)

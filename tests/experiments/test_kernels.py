@@ -28,6 +28,7 @@ coordinates = st.floats(-20, 20)
 poses = st.tuples(coordinates, coordinates, st.floats(-math.pi, math.pi))
 
 
+@pytest.mark.slow
 @examples(10, 100)
 @given(poses, poses)
 def test_dubins_paths_are_as_long_as_ompls(
@@ -50,6 +51,7 @@ def test_dubins_paths_are_as_long_as_ompls(
     assert min(difference, abs(difference - circle)) < 1e-4
 
 
+@pytest.mark.slow
 @examples(10, 100)
 @given(poses, poses)
 def test_a_dubins_path_joins_its_poses_and_turns_no_tighter_than_its_radius(

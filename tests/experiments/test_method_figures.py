@@ -192,7 +192,7 @@ def test_open_sea_has_no_padding_and_no_windows(planar_result: RunResult) -> Non
     assert area(drawn.axes[0], COLOURS["soft"]).is_empty
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("draw", [method.mesh, method.channels, method.padding])
 @pytest.mark.parametrize("planar", [False, True])
 def test_a_figure_is_legible(draw: Callable[[RunResult, str], Figure], *, planar: bool) -> None:

@@ -55,8 +55,10 @@ def result() -> RunResult:
 
 @pytest.fixture(scope="module")
 def written(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("written")
-    write(result, directory)
+    directory = tmp_path_factory.mktemp("written") / "new" / "small-run"
+    files = write(result, directory)
+    assert sorted(path.name for path in files) == FILES
+    assert files[-1].name == "manifest.json"
     return directory
 
 
@@ -83,20 +85,17 @@ def put_earlier_files(directory: Path) -> dict[str, bytes]:
     return contents(directory)
 
 
-def test_all_files_appear_and_nothing_else(result: RunResult, tmp_path: Path) -> None:
-    directory = tmp_path / "new" / "small-run"
-    written = write(result, directory)
-    assert sorted(path.name for path in written) == sorted(contents(directory)) == FILES
-    assert written[-1].name == "manifest.json"
-    assert sorted(path.name for path in directory.parent.iterdir()) == [".results", "small-run"]
-    manifest = json.loads((directory / "manifest.json").read_text())
+def test_all_files_appear_and_nothing_else(written: Path, tmp_path: Path) -> None:
+    assert sorted(contents(written)) == FILES
+    assert sorted(path.name for path in written.parent.iterdir()) == [".results", "small-run"]
+    manifest = json.loads((written / "manifest.json").read_text())
     for name, entry in manifest["outputs"].items():
-        assert hashlib.sha256((directory / name).read_bytes()).hexdigest() == entry["sha256"]
+        assert hashlib.sha256((written / name).read_bytes()).hexdigest() == entry["sha256"]
     assert set(manifest["outputs"]) == set(FILES) - {"manifest.json"}
     # As readable as any file that the user makes.
     fresh = tmp_path / "fresh"
     fresh.touch()
-    assert {path.stat().st_mode for path in written} == {fresh.stat().st_mode}
+    assert {path.stat().st_mode for path in written.iterdir()} == {fresh.stat().st_mode}
 
 
 @pytest.mark.usefixtures("plain_report")

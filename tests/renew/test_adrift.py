@@ -97,6 +97,7 @@ def turning(points: FloatArray, time: FloatArray) -> FloatArray:
     return np.asarray(eddies(points) * swing + np.array([0.15, -0.05]))
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     "current",
     [FunctionCurrent(eddies), renew.VaryingCurrent(np.arange(0.0, 300_000, 600), turning)],

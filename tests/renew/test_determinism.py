@@ -116,6 +116,7 @@ def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
     assert done.strip() == str({name: here(name) for name in names or CASES})
 
 
+@pytest.mark.slow
 def test_the_compiler_changes_nothing(root: Path) -> None:
     program = (
         "from tests.renew.test_determinism import gyre; "

@@ -35,7 +35,7 @@ def far_cpu_seconds() -> float:
     return cpu_seconds(random_scene(1).plan)
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("metres", [1.0, 1e-2, 1e-4, 1e-6])
 def test_endpoints_close_together_plan_as_fast_as_far_ones(metres: float) -> None:
     here = np.array([100.0, 20.0])
@@ -78,7 +78,7 @@ def usual_cpu_seconds() -> float:
     return cpu_seconds(lambda: gyre_at(0.05))
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("risk", [1e-3, 1e-5, RANGES["risk"]["ge"]])
 def test_small_risks_cost_bounded_time_and_memory(risk: float) -> None:
     tracemalloc.start()

@@ -66,7 +66,7 @@ def test_path_and_track_pass_the_points_in_order_and_turn_within_the_turn_rate(
         assert route.times[-1] == pytest.approx(route.duration)
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("via", ROUND_TRIPS)
 @pytest.mark.parametrize("padding", ["none", "adaptive"])
 def test_the_best_needs_hardly_more_than_the_best_of_each_part(

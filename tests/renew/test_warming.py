@@ -61,7 +61,7 @@ print(json.dumps(found))
 OPTIONS = f"""{COUNTING}
     for name in sys.argv[1:]:
         options = load_scenario(name).planner.model_dump(exclude={{"snap", "lanes"}})
-        options["clearance"] = options["clearance"] or 0.0
+        options |= {{"clearance": options["clearance"] or 0.0, "classes": 2}}
         if repr(options) not in found:
             found[repr(options)] = compiled(chart, grid, *ends, **options)
     # Whole numbers, single precision, no island at all: other types at the door.

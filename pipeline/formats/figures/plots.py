@@ -55,7 +55,7 @@ _KILOMETRES_FROM_M = 2_000.0
 DASHES = (0, (4, 3))
 
 
-def profile_figure(ranked: RankedRoute, width_pt: float | None = None) -> Figure:
+def profile_figure(ranked: RankedRoute) -> Figure:
     """Plot fuel, speed, current, and distance to land and water if known, by distance run."""
     profile = route_profile(ranked)
     unit, unit_m = distance_unit(float(profile.distance_m[-1]))
@@ -65,7 +65,7 @@ def profile_figure(ranked: RankedRoute, width_pt: float | None = None) -> Figure
         draws.append(_draw_clearance)
     if ranked.route.least_water is not None:
         draws.append(_draw_water)
-    figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT, width_pt or _WIDTH_PT)
+    figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT)
     for axes, draw in zip(panels, draws, strict=True):
         draw(axes, ranked, profile, run)
         axes.set_xlim(0, run[-1])
@@ -185,19 +185,17 @@ def distance_unit(longest_m: float) -> tuple[str, float]:
     return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
 
-def plot_panels(
-    count: int, height_pt: float, gap_pt: float, width_pt: float = _WIDTH_PT
-) -> tuple[Figure, list[Axes]]:
-    """Make a figure of a width, with panels of equal height below each other."""
+def plot_panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[Axes]]:
+    """Make a figure with panels of equal height below each other."""
     whole = _TOP_PT + count * height_pt + (count - 1) * gap_pt + _BOTTOM_PT
     figure = Figure(
-        figsize=(width_pt / POINTS_PER_INCH, whole / POINTS_PER_INCH), facecolor=COLOURS["halo"]
+        figsize=(_WIDTH_PT / POINTS_PER_INCH, whole / POINTS_PER_INCH), facecolor=COLOURS["halo"]
     )
     panels = []
     for row in range(count):
         bottom = whole - _TOP_PT - (row + 1) * height_pt - row * gap_pt
-        inner = 1 - (_LEFT_PT + _RIGHT_PT) / width_pt
-        axes = figure.add_axes((_LEFT_PT / width_pt, bottom / whole, inner, height_pt / whole))
+        inner = 1 - (_LEFT_PT + _RIGHT_PT) / _WIDTH_PT
+        axes = figure.add_axes((_LEFT_PT / _WIDTH_PT, bottom / whole, inner, height_pt / whole))
         axes.set_facecolor("none")
         axes.grid(color=COLOURS["grid"], linewidth=0.6)
         axes.set_axisbelow(True)

@@ -489,18 +489,8 @@ def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
     }
 
 
-_LIMITS = (
-    "Within a leg's cross-track limits the vessel stays out of the soft no-go zone. Legs are {}s; "
-    "positions are WGS 84."
-)
-
-
 def plan_section(case: RunCase) -> dict[str, Any] | None:
-    """Return the passage plan of a case's best route; None without one, and in a plane.
-
-    It has sentences, the headings of a table, and its rows: a waypoint and the leg that leads to
-    it.
-    """
+    """Return sentences and table of a case's passage plan; None without a route, and in a plane."""
     if not case.routes or case.run.scenario.is_planar:
         return None
     points = case_waypoints(case)[0]
@@ -509,7 +499,10 @@ def plan_section(case: RunCase) -> dict[str, Any] | None:
         "sentences": [
             _vessel_text(points),
             _times_text(points),
-            _LIMITS.format(points.curve.lower()),
+            (
+                "Within a leg's cross-track limits the vessel stays out of the soft no-go zone. "
+                f"Legs are {points.curve.lower()}s; positions are WGS 84."
+            ),
             *_autopilot_texts(case),
         ],
         "headings": list(headings.values()),

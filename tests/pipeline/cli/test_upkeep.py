@@ -131,6 +131,7 @@ def test_missing_and_old_libraries_are_faults(monkeypatch: pytest.MonkeyPatch) -
 # --- the network ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_login_that_the_service_accepts(tmp_path: Path) -> None:
     with world.connected(world.store(DATASET), tmp_path):
         assert login_fault(60) == ("", "")

@@ -15,8 +15,8 @@ from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.page import Page
 
 NAMES = (
-    *("small", "180 degrees", "north", "long", "harbours", "speeds"),
-    *("random 0", "random 1", "random 2"),
+    *("small", "180 degrees", "north", "long", "harbours", "speeds", "random 0"),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("random 1", "random 2")),
 )
 
 

@@ -306,6 +306,7 @@ def _widest_gate(
     return None
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_among_many_islets_the_way_passes_the_widest_gate_that_joins_the_ends(seed: int) -> None:
     piece_m = 400.0

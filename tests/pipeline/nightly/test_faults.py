@@ -173,7 +173,7 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path, cluster: str) ->
     assert not (tmp_path / "out" / "latest").exists()
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("date", ["2028-02-29 23:59:58", "2001-01-01 00:00:00"])
 def test_a_clock_that_is_elsewhere_changes_no_result(
     tmp_path: Path, cluster: str, date: str, monkeypatch: pytest.MonkeyPatch

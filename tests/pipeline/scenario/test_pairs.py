@@ -219,7 +219,7 @@ def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
     assert outcome(asked, folder) in {"planned", "refused"}
 
 
-@examples(gate=2, new=300)
+@examples(gate=1, new=300)
 @given(asked=drawn(in_a_plane))
 def test_a_voyage_in_a_plane_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path
@@ -276,7 +276,7 @@ def planned(folder: Path, season: dict[str, Any], **changes: object) -> RunResul
         return found
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("members", [{}, {"members": SPREAD}])
 def test_a_departure_of_a_window_is_planned_as_one_that_is_given(
     folder: Path, members: dict[str, Any]

@@ -148,6 +148,7 @@ def test_across_180_degrees_nothing_is_torn_apart(open_page: Open) -> None:
     assert middle(pin(page, "Start"))[0] == pytest.approx(before[0], abs=1)
 
 
+@pytest.mark.slow
 def test_on_a_phone_a_finger_sets_the_way(open_page: Open) -> None:
     page = open_page(width=390, has_touch=True, is_mobile=True)
     page.locator("#map").scroll_into_view_if_needed()

@@ -19,7 +19,7 @@ PATHS = (
 )
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def _nothing_planned(server: Server) -> Iterator[None]:
     for plan in server.ask("GET", "/api/plan").json:  # of the tests before
         server.ended(plan["id"])

@@ -17,7 +17,7 @@ def filled(rings: land.Rings) -> shapely.Geometry:
     return reduce(shapely.symmetric_difference, polygons, shapely.Polygon())
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [(3, 6, 3), (2, 2, 1), (2, 0, 1), (2, 3, 2)])
 def test_the_coarse_coast_is_that_of_the_sharp_land(place: tuple[int, int, int]) -> None:
     """On maps of the Philippines, of Europe, and on both sides of 180 degrees, to a tenth."""

@@ -25,6 +25,6 @@ def test_the_command_line_says_what_was_asked(
     context = command.make_context(program, words, resilient_parsing=True)
     read = context.params
     assert list(read["positions"]) == [start, goal]
-    assert (read["speed"] or "").strip() == speed.strip()
+    assert (read["speed"] or "") == speed.strip()  # as every text is
     assert list(read["via"] or ()) == [one for one in via if one]
     assert (read["name"], read["output"], read["offline"]) == ("a", Path("out"), True)

@@ -229,7 +229,7 @@ def test_in_open_water_no_value_between_nodes_and_hours_is_over_the_limit(size: 
     values += rng.uniform(0, 0.2, values.shape)
     grid = field(values)
     (limited,) = limited_fields({"wave_m": grid}, VesselLimits(wave_m=1.2))
-    projection = Projection.for_region(shapely.box(10, 50, 11, 50.6), 1.0, None)
+    projection = Projection.for_region(shapely.box(10, 50, 11, 50.6))
     extent = shapely.Polygon(
         projection.to_plane(
             np.array([[10.02, 50.02], [10.98, 50.02], [10.98, 50.58], [10.02, 50.58]])

@@ -16,6 +16,7 @@ from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
 from tests.pipeline import tidal_run
+from tests.pipeline.results import plain_pages
 from tests.pipeline.synthetic_currents import dataset, write
 
 NAME, SEASON = "strait", "tide"
@@ -25,7 +26,8 @@ def make(folder: Path) -> Path:
     """Plan a voyage, and return the folder of its results."""
     file = scenario_file(folder)
     asked = load_scenario(str(file))
-    run(asked, folder / "outputs", offline=True, origin=ScenarioFile.read(file))
+    with plain_pages():
+        run(asked, folder / "outputs", offline=True, origin=ScenarioFile.read(file))
     return results_in(folder)
 
 

@@ -279,7 +279,7 @@ def _other_version(folder: Path) -> None:
     file.write_text(json.dumps(content))
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     ("damage", "said"),
     [

@@ -143,6 +143,7 @@ def _routes(current: object) -> list[tuple[object, ...]]:
 _TIMES = [0.0, 1000.0]
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     ("rude", "well_behaved"),
     [

@@ -96,6 +96,7 @@ def test_where_time_is_free_the_current_sets_the_speed(exponent: float) -> None:
     assert with_it.speeds == pytest.approx(0.1)
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("drift", DRIFTS)
 @pytest.mark.parametrize("seed", range(4))
 def test_no_speeds_of_an_optimizer_need_less(seed: int, drift: Drift) -> None:

@@ -67,7 +67,7 @@ def test_a_strait_that_no_padding_leaves_open_is_passed_across_the_current() -> 
     assert math.isfinite(plan.best.clearance)
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_asking_for_more_classes_or_more_risk_never_loses_the_best_way(seed: int) -> None:
     scene = random_scene(seed)

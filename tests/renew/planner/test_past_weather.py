@@ -64,16 +64,13 @@ def test_a_way_around_or_behind_a_storm_is_found(seed: int) -> None:
     assert over == 0
 
 
-# The gate holds one scene against a coarser oracle.
-@pytest.mark.parametrize(
-    ("seed", "spacing"),
-    [(4, 3_000.0), *(pytest.param(seed, 1_500.0, marks=pytest.mark.slow) for seed in range(50))],
-)
-def test_no_bound_is_above_an_oracle_that_waits(seed: int, spacing: float) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(200))
+def test_no_bound_is_above_an_oracle_that_waits(seed: int) -> None:
     """In moving scenes; shut water and waits make no vessel earlier than the bound says."""
     scene = moving_storms(seed)
     bound = planner_of(scene.request()).problem.fuel_bound.value
-    earliest = scene.oracle(spacing=spacing, radius=4)
+    earliest = scene.oracle(spacing=1_500.0, radius=4)
     assert bound <= VESSEL.fuel_rate * (earliest - scene.departure)
     with contextlib.suppress(renew.PlanningError):
         # What is shut is no land to the bound: a vessel may pass it at other hours.

@@ -81,7 +81,7 @@ def test_the_best_way_from_anywhere_is_as_cheap_as_the_oracles(seed: int) -> Non
     assert found.best.fuel_bound.value <= least
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 4])
 def test_in_a_current_that_changes_it_is_as_cheap_as_the_oracle_with_its_clock(seed: int) -> None:
     scene = moving_scene(seed)

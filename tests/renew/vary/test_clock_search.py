@@ -193,6 +193,7 @@ def test_a_deadline_that_cannot_be_made_names_the_earliest_arrival() -> None:
     assert enough.best.times[-1] <= fastest.times[-1] - 10.0
 
 
+@pytest.mark.slow
 def test_time_is_free_until_the_current_ends() -> None:
     still = renew.UniformCurrent(0.0, 0.0)
     ends = renew.VaryingCurrent([0.0, 120.0], [still, renew.UniformCurrent(0.1, 0.0)])

@@ -46,6 +46,7 @@ def gyre(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunResult]:
         yield result
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     "name", [name for name, one in PICTURES.items() if one.scenario == "single-gyre"]
 )

@@ -58,6 +58,7 @@ def test_every_version_is_valid(
         assert path.stat().st_size < 400_000
 
 
+@pytest.mark.gate_share(15)
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(
     "spoil",

@@ -409,6 +409,7 @@ def test_seasons_without_a_route_can_not_be_selected(
     assert not page.locator(".player").is_visible()
 
 
+@pytest.mark.slow
 def test_the_largest_page_is_small_and_ready_within_a_second(
     browser: Browser, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

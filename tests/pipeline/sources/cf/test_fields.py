@@ -250,6 +250,7 @@ REAL = {
 }
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("name", REAL)
 @pytest.mark.parametrize("box", [BOX, (-10.0, 35.0, 12.0, 50.0), (172.0, -45.0, 189.0, -30.0)])
 def test_real_files_node_by_node(shared: Path, name: str, box: Bounds) -> None:

@@ -107,6 +107,7 @@ ORDERS: dict[str, dict[str, int]] = {
 }
 
 
+@pytest.mark.gate_share(8)
 @EDITIONS
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("east", [1, -1])

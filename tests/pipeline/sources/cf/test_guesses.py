@@ -53,6 +53,7 @@ def assert_right(grid: CurrentGrid, hours: float, share: float = 1.0, within: fl
         assert np.abs(own - share * growth(hours) * true).max() < within
 
 
+@pytest.mark.gate_share(40)
 @pytest.mark.parametrize("kind", CASES)
 def test_a_file_is_right_or_said_or_refused(tmp_path: Path, kind: str) -> None:
     case = CASES[kind]
