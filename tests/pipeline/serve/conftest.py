@@ -39,7 +39,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="package")
 def window(browser: Browser) -> Page:
     """A window for all tests, one after the other: a new one is a new process."""
-    return browser.new_page()
+    return browser.new_context().new_page()
 
 
 @contextlib.contextmanager

@@ -98,7 +98,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="package")
 def window(browser: Browser) -> Page:
     """A window for all tests, one after the other."""
-    return browser.new_page()
+    return browser.new_context().new_page()
 
 
 @pytest.fixture
