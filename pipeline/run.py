@@ -21,7 +21,6 @@ from pipeline.model import CaseResult, Fetched, Note, Say, SimplifiedLand
 from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.session import session
-from pipeline.stages.canals import canal_notes
 from pipeline.stages.choose import Chosen, choose
 from pipeline.stages.compare import bounds_of_sides, compare
 from pipeline.stages.cover import cover, havens_in
@@ -293,8 +292,7 @@ class _Stages:
                 failed = error
                 opened = opened_region(region) if openings < MAX_WIDENINGS else None
                 if opened is None:
-                    canals = note_texts(canal_notes(asked.start, asked.goal, None))
-                    raise NoWayError([*error.faults, *canals]) from error
+                    raise
                 region = opened
             except RequestError as error:
                 # Files of wind or waves may not reach as far as a wider region.

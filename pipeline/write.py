@@ -84,7 +84,7 @@ def write(
 
 def load_libraries() -> None:
     """Import what writes files, and its libraries; it takes a second: call it before planning."""
-    for name in ("gis.geopackage", "passage_plan", "passage.routes", "report.page"):
+    for name in ("gis.geopackage", "passage.routes", "report.page"):
         importlib.import_module(f"pipeline.formats.{name}")
     importlib.import_module("geopandas")
 
@@ -94,7 +94,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.findings.choices import trade_offs
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
-    from pipeline.formats.passage_plan import write_passage_plan
+    from pipeline.formats.records import write_currents
     from pipeline.formats.report.page import write_report
 
     is_there = {
@@ -111,27 +111,12 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     }
     for case in result.cases:
         if case.grid is not None:  # a planar scenario has none: its current is a formula
-            formats |= _current_formats(case)
-    # A plane lies nowhere on earth: nobody can navigate by it.
-    navigated = [case for case in result.cases if case.routes and not result.scenario.is_planar]
-    if navigated:
-        formats["passage-plan.pdf"] = write_passage_plan
-    for case in navigated:
-        formats |= _case_formats(case)
-        formats |= _haven_formats(case)
+            formats[f"{case.stem}-currents.nc"] = _of(write_currents, case)
+        # A plane lies nowhere on earth: nobody can navigate by it.
+        if case.routes and not result.scenario.is_planar:
+            formats |= _case_formats(case) | _haven_formats(case)
     # Last, because it waits for the bounds on other sides.
     return {**formats, "report.html": write_report}
-
-
-def _current_formats(case: RunCase) -> dict[str, Format]:
-    """Return the files of a case's current; for a plotter only if it can show any of it."""
-    from pipeline.formats.records import has_grib, write_currents, write_grib
-
-    stem = f"{case.stem}-currents"
-    found = {f"{stem}.nc": _of(write_currents, case)}
-    if has_grib(case):
-        found[f"{stem}.grb"] = _of(write_grib, case)
-    return found
 
 
 def _case_formats(case: RunCase) -> dict[str, Format]:
@@ -148,7 +133,6 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
         f"{stem}.rtz": _of(routes.write_rtz, case, **timed),
         f"{stem}.gpx": _of(routes.write_gpx, case, **timed),
         f"{stem}.geojson": _of(write_geojson, case),
-        f"{stem}.kml": _of(routes.write_kml, case, **timed),
         f"{stem}.plan": _of(missions.write_plan, case),
         f"{stem}.waypoints": _of(missions.write_mission, case),
     }
@@ -156,22 +140,11 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
 
 def _haven_formats(case: RunCase) -> dict[str, Format]:
     """Return the files of a case's ways to havens; none without havens, or without a way."""
-    from pipeline.findings.haven_rows import main_ways
-    from pipeline.formats.passage import missions
+    from pipeline.formats.passage.missions import write_haven_gpx
 
     if case.coverage is None or not case.coverage.diversions:
         return {}
-    stem, count = f"{case.stem}-haven", len(case.coverage.diversions)
-    digits = len(str(count))
-    names = [f"{stem}-{number:0{digits}d}" for number in range(1, count + 1)]
-    return {
-        f"{stem}s.gpx": _of(missions.write_haven_gpx, case),
-        f"{stem}s-missions.zip": _of(missions.write_haven_missions, case, names=names),
-        **{
-            f"{names[way.number - 1]}.rtz": _of(missions.write_haven_rtz, case, number=way.number)
-            for way in main_ways(case)
-        },
-    }
+    return {f"{case.stem}-havens.gpx": _of(write_haven_gpx, case)}
 
 
 def _of(writer: Callable[..., None], case: RunCase, **options: object) -> Format:

@@ -22,7 +22,7 @@ from pydantic import BaseModel
 import renew
 from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.findings.text import rounded_down, rounded_up
-from pipeline.nightly.config import CaseSpec, DepartureSpec, NightSpec, VoyageSpec
+from pipeline.nightly.config import CaseSpec, DepartureSpec, NightSpec
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.cf.harmonic_fit import CONSTITUENTS
 from pipeline.sources.tide_stations import OwnConstant, OwnStation
@@ -126,18 +126,15 @@ OTHER_MODELS: tuple[type[BaseModel], ...] = (
     VesselSpec,
     NightSpec,
     CaseSpec,
-    VoyageSpec,
     DepartureSpec,
     EnvironmentSpec,
     Case,
     OwnStation,
     OwnConstant,
 )
-OTHER_TABLES = ("cases", "voyages")
+OTHER_TABLES = ("cases",)
 # Names of files that a run or a night writes.
-RESULT_FILE = re.compile(
-    r"[a-z][\w-]*\.(?:html|gpkg|csv|json|pdf|nc|rtz|gpx|kml|parquet|geojson|toml)"
-)
+RESULT_FILE = re.compile(r"[a-z][\w-]*\.(?:html|gpkg|csv|json|nc|rtz|gpx|parquet|geojson|toml)")
 
 
 def _text(document: str) -> str:
@@ -293,7 +290,7 @@ def _writers() -> str:
 
 def test_keys_of_a_night_are_on_their_page() -> None:
     page = (ROOT / NIGHT).read_text("utf-8")
-    for model in (NightSpec, CaseSpec, VoyageSpec):
+    for model in (NightSpec, CaseSpec):
         missing = [name for name in model.model_fields if not re.search(rf"\b{name}\b", page)]
         assert missing == []
 

@@ -238,11 +238,3 @@ def test_the_job_of_the_cluster_ends_well_with_exit_code_10(
 def test_nothing_that_is_started_looks_into_the_working_directory(name: str) -> None:
     """Kubernetes starts the image, which sets the option for all programs."""
     assert "PYTHONSAFEPATH=1" in (OPERATION / name).read_text("utf-8")
-
-
-def test_alerts_are_on_metrics_that_the_page_lists() -> None:
-    rules = yaml.safe_load((OPERATION / "alerts.yaml").read_text("utf-8"))["groups"][0]["rules"]
-    page = (ROOT / "docs" / "how-to" / "operation.md").read_text("utf-8")
-    named = {name for rule in rules for name in re.findall(r"renew_nightly_\w+", rule["expr"])}
-    assert len(rules) == 4
-    assert named <= set(re.findall(r"^\| `(renew_nightly_\w+)", page, re.MULTILINE))

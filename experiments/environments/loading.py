@@ -175,5 +175,5 @@ def _simplified(scenario: Scenario, fetched: Fetched) -> SimplifiedLand:
         tolerance_m=scenario.chart.tolerance_m,
         turning_radius_m=planner_vessel(scenario.vessel).turning_radius * scenario.scale,
         endpoints=(scenario.start, scenario.goal),
-        projection=Projection.for_region(scenario.region.shape, 1.0, scenario.region.crs),
+        projection=Projection.for_region(scenario.region.shape),
     )

@@ -210,18 +210,13 @@ def _of(names: Sequence[str], outcome: Outcome) -> str:
 
 
 def _details(outcome: Outcome) -> Iterator[str]:
-    """Yield what `--verbose` adds: reasons, choices, places, parts of gaps, and turns."""
+    """Yield what `--verbose` adds: reasons, choices, places, and turns."""
     result = outcome.result
     unused = {
         f"{name}: {reason}"
         for grid in outcome.fetched.currents
         for name, reason in grid.passed_over
     }
-    gaps = [
-        f"{text.season_name(case.name)}: {text.gap_text(shares, outcome.fetched.land.no_go_name)}"
-        for case in result.cases
-        if (shares := case.measures.gap_shares) is not None
-    ]
     for title, lines in (
         ("Over land of another chart:", note_texts(_crossed(outcome))),
         ("Currents NOT used:", sorted(unused)),
@@ -229,7 +224,6 @@ def _details(outcome: Outcome) -> Iterator[str]:
         ("Chosen:", note_texts(dict.fromkeys(result.choices))),
         ("Turns:", _turns(outcome)),
         ("Islands:", _islands(outcome)),
-        ("Gap:", gaps),
     ):
         listed = [f"- {line}" for line in lines]
         yield from ["", title, *listed] * bool(listed)

@@ -35,7 +35,7 @@ from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.terminal import say, still_at_work
 from pipeline.cli.tide import app as tide_app
 from pipeline.errors import Faults, RequestError, StageError
-from pipeline.formats.figures.kinds import Form, Kind, Width
+from pipeline.formats.figures.kinds import Form, Kind
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 from pipeline.texts import seen
 from pipeline.voyage.positions import halves
@@ -106,7 +106,6 @@ def run(
     charts: list[str] | None = None,
     currents: list[str] | None = None,
     strict: bool = False,
-    explain_gap: bool = False,
     as_json: bool = False,
     quiet: bool = False,
     verbose: bool = False,
@@ -120,7 +119,7 @@ def run(
 
         run = partial(
             run_scenario,
-            wanted.explaining_gap() if explain_gap else wanted,
+            wanted,
             output,
             offline=offline,
             strict=strict,
@@ -160,7 +159,7 @@ def go(
 # What a route of one's own leaves open, or says itself.
 _OF_A_PLAN = (
     "start", "goal", "via", "until", "arrive_by", "havens", "within", "endurance", "members",
-    "explain_gap", "strict",
+    "strict",
 )  # fmt: skip
 
 
@@ -285,7 +284,6 @@ def plot(
     season: list[str] | None = None,
     figure: list[Kind] | None = None,
     form: Form = "png",
-    width: Width = "screen",
     output: Path = Path("outputs"),
     offline: bool = False,
     charts: list[str] | None = None,
@@ -320,7 +318,7 @@ def plot(
             cases = [case for case in result.cases if not season or case.name in season]
             planned = [case for case in cases if case.routes]
             folder = output_directory(output.resolve(), wanted.name) / "figures"
-            files = draw(result, planned, folder, kinds=figure or (), form=form, width=width)
+            files = draw(result, planned, folder, kinds=figure or (), form=form)
         for file in files:
             typer.echo(short_path(file))
         for case in cases:

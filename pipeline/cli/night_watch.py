@@ -1,4 +1,4 @@
-"""Report a night: its progress as JSON, its end to a monitoring service and a metrics file."""
+"""Report a night: its progress as JSON, its end to a monitoring service."""
 
 import http.client
 import sys
@@ -6,22 +6,15 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 from urllib.parse import urlsplit, urlunsplit
 
 from pipeline.cli.failures import exit_code_of, reporting_end
 from pipeline.cli.terminal import json_lines, log_event
 from pipeline.errors import RequestError
-from pipeline.machine.files import whole_file
-from pipeline.nightly.cycles import BusyError
 from pipeline.nightly.night import NightEvent, NightEventHandler, NightOutcome
-
-if TYPE_CHECKING:
-    from prometheus_client import CollectorRegistry
-
 
 # Minimum time between two lines on the progress of a stage, s.
 _PROGRESS_S = 10.0
@@ -36,17 +29,6 @@ _TIMEOUT_S = 5.0
 _DEADLINE_S = 10.0
 SUCCESSES = frozenset({0, 10})
 """Exit codes of a night that published its cycle, or had nothing to do."""
-
-_LAST_SUCCESS = "renew_nightly_last_success_timestamp_seconds"
-_FORECAST = "renew_nightly_forecast_reference_timestamp_seconds"
-_HELP = {
-    _LAST_SUCCESS: "End of the last night that published its cases or had nothing to do.",
-    _FORECAST: "Reference time of the currents of the last successful night.",
-    "renew_nightly_last_run_timestamp_seconds": "End of the last night, successful or not.",
-    "renew_nightly_last_exit_code": "Exit code of the last night; 0 and 10 are successes.",
-    "renew_nightly_stage_seconds": "Wall time of each stage of the last night.",
-    "renew_nightly_cases": "Cases of the last night, by how they ended.",
-}
 
 
 def night_progress() -> NightEventHandler:
@@ -74,7 +56,6 @@ def night_progress() -> NightEventHandler:
 def watched(
     night: Callable[[], NightOutcome],
     *,
-    metrics: Path | None,
     url: str | None,
     on_event: NightEventHandler,
 ) -> NightOutcome:
@@ -94,9 +75,6 @@ def watched(
         with lock:
             if reported:
                 return
-            # If another job was running, that job writes the metrics.
-            if metrics is not None and outcome.exit_code != BusyError.exit_code:
-                _note(write_metrics(metrics, outcome), on_event)
             if url and (what := report_for(outcome.exit_code)) is not None:
                 _note(ping(url, what), on_event)
             reported.append(outcome)
@@ -189,62 +167,3 @@ def _asked(address: str) -> str:
     except (OSError, http.client.HTTPException, ValueError) as error:
         # The error's text is left out: it may quote the address.
         return type(error).__name__
-
-
-def write_metrics(path: Path, outcome: NightOutcome) -> str:
-    """Replace the file atomically with a night's metrics; return "" or the reason of a failure.
-
-    Prometheus' node exporter reads the file
-    (https://prometheus.io/docs/instrumenting/exposition_formats/, text, version 0.0.4). It has
-    timestamps instead of ages, because timestamps stay correct if the file is not updated. After a
-    failed night the timestamps of the last success stay. The caller does not call this for a job
-    that ended because another one was running (exit code 4).
-    """
-    from prometheus_client import generate_latest
-
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as file:
-            file.write(generate_latest(_registry(outcome, _last_success(path))))
-    except OSError as error:
-        return f"--metrics: can't write {path}: {error.strerror or error}"
-    return ""
-
-
-def _registry(outcome: NightOutcome, earlier: Mapping[str, float]) -> "CollectorRegistry":
-    """Return the metrics of a night; `earlier` has the timestamps of the last success before it."""
-    from prometheus_client import CollectorRegistry, Gauge
-
-    times = dict(earlier)
-    if outcome.exit_code in SUCCESSES:
-        times[_LAST_SUCCESS] = outcome.finished.timestamp()
-        if outcome.reference_time is not None:
-            times[_FORECAST] = outcome.reference_time.timestamp()
-    times["renew_nightly_last_run_timestamp_seconds"] = outcome.finished.timestamp()
-    single = {**times, "renew_nightly_last_exit_code": outcome.exit_code}
-    registry = CollectorRegistry()
-    for name, value in single.items():
-        Gauge(name, _HELP[name], registry=registry).set(value)
-    for name, label, values in (
-        ("renew_nightly_stage_seconds", "stage", outcome.seconds_by_stage),
-        ("renew_nightly_cases", "outcome", outcome.cases_by_outcome),
-    ):
-        gauge = Gauge(name, _HELP[name], [label], registry=registry)
-        for key, number in values.items():
-            gauge.labels(key).set(round(number, 3))
-    return registry
-
-
-def _last_success(path: Path) -> dict[str, float]:
-    """Return the timestamps of the last success in an earlier file, or {} without such a file."""
-    from prometheus_client.parser import text_string_to_metric_families
-
-    try:
-        families = list(text_string_to_metric_families(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return {}
-    return {
-        family.name: family.samples[0].value
-        for family in families
-        if family.name in {_LAST_SUCCESS, _FORECAST}
-    }

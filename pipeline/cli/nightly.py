@@ -1,6 +1,5 @@
 """The commands `renew nightly check | run | status | show`: plan many cases, unattended."""
 
-import os
 from pathlib import Path
 
 import typer
@@ -9,7 +8,6 @@ from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.terminal import still_at_work
 from pipeline.errors import RequestError
-from pipeline.machine.paths import shown
 
 app = typer.Typer(
     help="Plan all cases of a night on the newest currents, and publish what changed.",
@@ -46,7 +44,6 @@ def run(
     output: Path | None = None,
     only: str | None = None,
     scheduler: str | None = None,
-    metrics: Path | None = None,
     ping: str | None = None,
 ) -> None:
     """Plan every case on the newest currents, and then point OUTPUT/latest at the results."""
@@ -55,14 +52,12 @@ def run(
         from pipeline.nightly.config import load_config
         from pipeline.nightly.night import run_night
 
-        _require_file(metrics)
         on_event = night_progress()
         # The night's file is loaded inside, so that its faults are reported as a failed night.
         outcome = watched(
             lambda: run_night(
                 load_config(config, output), only=only, scheduler=scheduler, on_event=on_event
             ),
-            metrics=metrics,
             url=ping,
             on_event=on_event,
         )
@@ -90,11 +85,3 @@ def show(case: str, *, config: Path | None = None, output: Path | None = None) -
 
         for line in case_lines(load_config(config, output).output, case):
             typer.echo(line)
-
-
-def _require_file(metrics: Path | None) -> None:
-    """Raise RequestError if the path is a pipe or device, which could block when it is read."""
-    # Not Path.exists, which raises an error if a name is too long. A folder is reported later.
-    if metrics is None or not os.path.exists(metrics) or metrics.is_file() or metrics.is_dir():  # noqa: PTH110
-        return
-    raise RequestError(f"--metrics: {shown(metrics)} is no file; name one to replace")

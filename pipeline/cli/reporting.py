@@ -229,18 +229,6 @@ def outcome_json(outcome: Outcome) -> str:
             for case in outcome.result.cases
             for rejection in rejections(case)
         ],
-        "clock_worth": [
-            {
-                "season": case.name,
-                "best_fuel": worth.best,
-                "departure_plan_fuel": worth.frozen,
-                "mean_plan_fuel": worth.mean,
-                "shortest_path_fuel": worth.shortest,
-                "fuel_bound": worth.bound,
-            }
-            for case in outcome.result.cases
-            if (worth := case.measures.clock_worth) is not None
-        ],
         "replanned": [
             {"season": result.name, **asdict(result.replanned)}
             for result in outcome.result.results
@@ -259,7 +247,7 @@ def _route(ranked: RankedRoute, files: list[str]) -> dict[str, object]:
     row, case, stem = ranked.metrics, ranked.case, ranked.case.stem
     passage = case.scenario.passage(case.name, round(row.duration_s))
     of_all = ("-all.gpx", ".geojson")
-    of_best = (".rtz", ".gpx", *of_all, ".kml", ".plan", ".waypoints")
+    of_best = (".rtz", ".gpx", *of_all, ".plan", ".waypoints")
     return {
         "season": case.name,
         **figures(row, "json"),

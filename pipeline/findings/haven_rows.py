@@ -18,8 +18,6 @@ from pipeline.findings.result import RunCase
 from pipeline.findings.text import planner_text
 
 _GEOD = pyproj.Geod(ellps="WGS84")
-# A way is a main one if its stretch takes at least this share of the limit of time.
-_STRETCH = 1 / 12
 MOMENTS = ("equal point", "last change")
 """Kinds of rows for which nothing is proven of later places."""
 LAST_TURNS = ("abort point", "point of no return", *MOMENTS)
@@ -108,23 +106,6 @@ def haven_ways(case: RunCase) -> dict[renew.Diversion, Way]:
         )
         for number, one in enumerate(case.coverage.diversions, start=1)
     }
-
-
-def main_ways(case: RunCase) -> list[Way]:
-    """Return the ways that a navigator needs at hand, in the order of their times.
-
-    These serve long stretches, or the last places to turn off. Near the limit of time there are
-    many more ways, each for a few minutes of the route.
-    """
-    coverage = coverage_of(case)
-    stretches = coverage.stretches
-    least = _STRETCH * min(coverage.within, stretches[-1].end - stretches[0].begin)
-    ends = [*coverage.abort_points, *filter(None, [coverage.no_return])]
-    main = {one.diversion for one in stretches if one.end - one.begin >= least}
-    main |= {one.diversion for one in ends}
-    main |= {one.diversion for one in coverage.class_turns}
-    main |= {way for one in coverage.equal_points for way in (one.before, one.after)}
-    return [way for one, way in haven_ways(case).items() if one in main]
 
 
 def haven_rows(case: RunCase) -> list[HavenRow]:

@@ -318,11 +318,6 @@ _BY_FUNCTION: Mapping[str, Callable[..., str]] = {
     "waits-at-anchor": lambda place, begin, until: (
         f"the vessel lies at anchor at {place.text}{_from_until(begin, until, '')}"
     ),
-    "waits-for-water": lambda place, begin, until, fuel, anchors: (
-        f"the vessel waits {'at anchor ' * anchors}at {place.text}{_from_until(begin, until, '')}, "
-        "until water ahead opens"
-        + (f": staying there takes {text.number(fuel)} of fuel" if fuel else "")
-    ),
     "over-limit": lambda name, limit, unit, most, begin, until: (
         f"{name} of up to {text.rounded_up(most, 1)} {unit}, over the limit of {limit:g} {unit}, "
         f"shut{_from_until(begin, until, '')} water beside the way: the routes keep out of it, "

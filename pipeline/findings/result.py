@@ -32,11 +32,6 @@ NO_SHARE = 5e-4
 _SAME_PLACE = 3
 
 
-def has_all_depths(metrics: model.RouteMetrics) -> bool:
-    """Whether depths are charted all along a route."""
-    return metrics.uncharted_share <= NO_SHARE
-
-
 def route_notes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
     """Note for how much of a case's routes depths, or data of the current, are lacking."""
     notes = []

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.findings import text
 from pipeline.findings.result import RunCase
-from pipeline.model import ClockWorth, GapShares, RouteMetrics
+from pipeline.model import RouteMetrics
 
 # Difference, as a share, below which two lengths are printed alike.
 _SAME_LENGTH = 5e-4
@@ -32,16 +32,13 @@ class CaseFacts:
     """The facts for a case's sentences.
 
     `routes`, at least one, are best first; `current_speed` is the current's mean over the water,
-    m/s. For the best route, `gap` has the parts of its optimality gap, `worth` what it saves by
-    knowing how the current changes, and `other_sides_fuel` a lower bound on the fuel of other
-    sides, if known. If the route `lacks_current`, the current on the way is not known, so nothing
-    is proven. `is_narrow` says whether routes have stretches without room to turn.
+    m/s. `other_sides_fuel` is a lower bound on the fuel of other sides than the best route's, if
+    known. If the route `lacks_current`, the current on the way is not known, so nothing is proven.
+    `is_narrow` says whether routes have stretches without room to turn.
     """
 
     routes: Sequence[RouteMetrics]
     current_speed: float = math.inf
-    gap: GapShares | None = None
-    worth: ClockWorth | None = None
     other_sides_fuel: float | None = None
     lacks_current: bool = False
     is_narrow: bool = False
@@ -151,19 +148,9 @@ class CaseFacts:
         elif others:
             sentences.append("It is also the shortest route found.")
         sentences.append(_safety(best))
-        if not self.lacks_current:
-            sentences += self._bounds()
+        if not self.lacks_current and math.isfinite(best.optimality_gap):
+            sentences.append(_bound(best))
         return tuple(sentences)
-
-    def _bounds(self) -> list[str]:
-        """Say how much fuel a better route could save, and how much knowing the current saves."""
-        best = self.best
-        sentences = [_bound(best)] if math.isfinite(best.optimality_gap) else []
-        if self.gap is not None:
-            sentences.append(text.gap_text(self.gap, best.no_go_name))
-        if self.worth is not None:
-            sentences.append(clock_text(self.worth))
-        return sentences
 
     def _rival_name(self, rival: RouteMetrics) -> str:
         """Return the rival's name in a sentence."""
@@ -180,8 +167,6 @@ def case_facts(case: RunCase) -> CaseFacts | None:
     return CaseFacts(
         [one.metrics for one in case.routes],
         float(speeds.mean()) if len(speeds) else 0.0,
-        case.measures.gap_shares,
-        case.measures.clock_worth,
         case.side_bound,
         case.lacks_current,
         is_narrow=bool(case.measures.narrow),
@@ -215,36 +200,6 @@ def _current_beside(one: RouteMetrics, other: RouteMetrics, sign: int) -> str:
     is_alike = ours * theirs > 0 and round(theirs, 2) and round(ours, 2)
     there = f"{abs(theirs):.2f}" if is_alike else _effect(theirs)
     return f"{joined} the current {_effect(ours)} ({there} there)"
-
-
-def clock_text(worth: ClockWorth) -> str:
-    """Say in a sentence what knowing how the current changes is worth."""
-    others = ", ".join(
-        f"{name} {_sailed(fuel, worth)}"
-        for name, fuel in (
-            ("the plan on the current at departure", worth.frozen),
-            ("the plan on its mean over the voyage", worth.mean),
-            ("the shortest safe path", worth.shortest),
-        )
-    )
-    at = ", at speeds that bring the vessel to the goal in time" if worth.in_time else ""
-    sailed = f"Sailed in the changing current from the same departure on{at}, {others}."
-    if worth.best > (1 + text.USEFUL_GAP) * worth.bound:
-        return f"{sailed} There is no useful bound on what a better route could save."
-    return (
-        f"{sailed} No route within the chart saves more than "
-        f"{text.at_most_percent(1 - worth.bound / worth.best)}."
-    )
-
-
-def _sailed(fuel: float, worth: ClockWorth) -> str:
-    """Compare a plan's fuel, when it is sailed, with the best route's."""
-    best = worth.best
-    if not math.isfinite(fuel):
-        return "comes too late" if worth.in_time else "can't be sailed"
-    if abs(fuel / best - 1) < _SAME_FUEL:
-        return "needs as much fuel as this route"
-    return f"needs {_difference(fuel, best)} fuel than this route"
 
 
 def _safety(best: RouteMetrics) -> str:

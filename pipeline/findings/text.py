@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup, escape
 
-from pipeline.model import Case, GapShares, ReplanFigures, RouteMetrics, Zone
+from pipeline.model import Case, ReplanFigures, RouteMetrics, Zone
 from pipeline.scenario.season import named_departure
 from renew.errors import Duration, Moment, Text, in_seconds
 
@@ -233,20 +233,6 @@ def zone_text(zone: Zone) -> str:
         return f"{zone.name}, {zone.rule}"
     name = zone.name or ("Restricted area" if zone.kind == "restricted" else "Traffic scheme")
     return f"{name}: {zone.rule}" if zone.rule else name
-
-
-def gap_text(shares: GapShares, no_go: str) -> str:
-    """Say in a sentence what an optimality gap is made of; `no_go` is a name for no-go areas."""
-    whole = shares.chart + shares.padding + shares.bound + shares.tide
-    tide = f"water that the tide shuts {percent(shares.tide)}, " if shares.tide else ""
-    if whole > USEFUL_GAP:
-        return "The bound on fuel is too loose here to split the optimality gap into parts."
-    return (
-        f"Of the optimality gap of {at_most_percent(whole)}, the chart's simplification, margin "
-        f"and offing cause {percent(shares.chart)}, the room for hard-over turns (padding) "
-        f"{percent(shares.padding)}, {tide}and the bound itself {at_most_percent(shares.bound)}: "
-        f"no route was found nearer to it, even among those that only have to avoid the {no_go}."
-    )
 
 
 def planner_text(text: Text, case: Case) -> str:

@@ -1,28 +1,22 @@
-"""Records of a run for machines: `manifest.json`, and each case's current as NetCDF and GRIB.
+"""Records of a run for machines: `manifest.json`, and each case's current as NetCDF.
 
 A NetCDF file holds the current at the nodes of the planner's own grid, so that bilinear
 interpolation between them gives exactly the planner's current. The grid is regular in the planner's
 plane and not in degrees. `uo` and `vo` are (y, x), or (time, y, x) for a current that changes. Each
 case has a file of its own, because cases may have sources on different grids, and GDAL, and so
 QGIS, places a grid only if its lines are evenly spaced.
-
-Plotter programs such as OpenCPN draw GRIB 1 over the chart. It is written here and not by a
-library, so that nobody need install ecCodes, of 175 MB: a file is a few headers and values of 16
-bits. Source: the WMO's Manual on Codes (I.2: FM 92 GRIB, edition 1). OpenCPN needs the parameters
-49 and 50. It shows noise where libraries pack a field of equal values in no bits.
 """
 
 import hashlib
 import importlib.metadata
 import json
-import math
 import os
 import platform
 import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -31,7 +25,6 @@ import numpy as np
 import pyproj
 import shapely
 
-from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.findings.names import SCHEMA_VERSION, without_folders
 from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import RunCase, RunResult
@@ -40,7 +33,6 @@ from pipeline.machine.store import code_commit, code_hash, file_hash
 from pipeline.model import CurrentGrid
 from pipeline.model.inputs import current_hash, land_hash
 from pipeline.scenario.season import Period, period
-from renew.inputs.current import as_field
 from renew.kernels.current_table import CurrentTable
 
 # Packages whose version can change a figure or a file.
@@ -75,7 +67,6 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
                 "rejected": len(case.plan.rejected) if case.plan else 0,
                 "rejections": json_value(rejections(case)),
                 "seconds": round(case.result.seconds, 3),
-                **_gap_shares(case),
             }
             for case in result.cases
         ],
@@ -89,15 +80,6 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
         },
     }
     return {key: without_folders(value) for key, value in content.items()}
-
-
-def _gap_shares(case: RunCase) -> dict[str, object]:
-    """Return the parts of a case's optimality gap, if they were asked for."""
-    shares = case.measures.gap_shares
-    if shares is None:
-        return {}
-    parts = {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}
-    return {"gap_shares": parts | ({"tide": shares.tide} if case.scenario.tide else {})}
 
 
 def provenance(result: RunResult) -> dict[str, object]:
@@ -228,7 +210,7 @@ def write_currents(case: RunCase, path: Path) -> None:
     plane = pyproj.CRS.from_user_input(projection.crs)
     content = {
         "crs": ((), np.int32(0), plane.to_cf() | {"long_name": "the planner's plane, conformal"}),
-        **_axes(plane, projection.scale, table),
+        **_axes(projection.scale, table),
         "lon": (("y", "x"), lonlat[..., 0], _DEGREES["lon"]),
         "lat": (("y", "x"), lonlat[..., 1], _DEGREES["lat"]),
         "filled": (("y", "x"), filled.astype("i1"), _FILLED),
@@ -289,17 +271,16 @@ def _about(case: RunCase, grid: CurrentGrid) -> dict[str, str]:
     }
 
 
-def _axes(plane: pyproj.CRS, scale: float, table: CurrentTable) -> dict[str, _Variable]:
-    """Return the nodes' coordinates in the plane's CRS, at true scale and in the CRS's own unit."""
-    unit_m = plane.axis_info[0].unit_conversion_factor
+def _axes(scale: float, table: CurrentTable) -> dict[str, _Variable]:
+    """Return the nodes' coordinates in the plane's CRS, at true scale."""
     return {
         name: (
             (name,),
-            nodes * (scale / unit_m),
+            nodes * scale,
             {
                 "standard_name": f"projection_{name}_coordinate",
                 "long_name": f"{name} in the planner's plane",
-                "units": "m" if unit_m == 1 else f"{unit_m!r} m",
+                "units": "m",
                 "axis": name.upper(),
             },
         )
@@ -347,181 +328,3 @@ def valid_period(grid: CurrentGrid) -> Period | None:
 def _listed(texts: Iterable[str]) -> str:
     """Join texts that are not empty, each once."""
     return "; ".join(dict.fromkeys(text for text in texts if text))
-
-
-# Nodes per cell of the source along each axis, as of the planner's grid.
-_NODES_PER_CELL = 2
-# Largest number of nodes: more make the overlay of a plotter slow.
-_MAX_NODES = 250_000
-# Difference below which a coordinate counts as a whole number of steps, millidegrees.
-_ROUNDING = 1e-6
-# Version of table 2, which has the parameters.
-_TABLE = 2
-# Parameters: the components of a current towards east and towards north.
-_PARAMETERS = (49, 50)
-# Code of a centre, process or grid that is not known.
-_NONE = 255
-# Code of the level: the surface.
-_SURFACE = 1
-# Code of the unit of time.
-_HOURS = 1
-# Code of a step that takes two bytes.
-_LONG_STEP = 10
-# Flags of section 1: a grid's description and a bitmap follow.
-_HAS_GRID_AND_BITMAP = 0xC0
-# Flag of the grid: its steps are given.
-_HAS_STEPS = 0x80
-# Flag of the grid: rows go from south to north.
-_NORTHWARDS = 0x40
-# Flag of the data: eight bits at their end are not used.
-_PADDED = 0x08
-# Bits of a packed value.
-_BITS = 16
-# Least span that the packed values cover, m/s.
-_LEAST_SPAN_M_S = 1e-6
-
-
-def fields_from(case: RunCase) -> datetime | None:
-    """Return the time of the first field of a case's current; None if no time is known.
-
-    It is the departure, or without one the middle of the period that the values represent.
-    """
-    departure = case.case.departure or case.spec.departure
-    if departure is not None:
-        return departure.astimezone(UTC)
-    valid = valid_period(case.source_grid)
-    return valid.begin + (valid.end - valid.begin) / 2 if valid else None
-
-
-def write_grib(case: RunCase, path: Path) -> None:
-    """Write the current of a case that has a grid, and a time, to a new file at `path`.
-
-    The nodes are a regular grid in degrees, with the planner's current there; those outside its
-    chart, and those for which the source has no figure, have no value.
-    """
-    begin, projection, field = fields_from(case), case.case.projection, as_field(case.case.current)
-    if begin is None:
-        raise ValueError(f"the current of {case.name!r} has no time")
-    lon, lat, lonlat, known = _nodes(case)
-    xy = projection.to_plane(lonlat)
-    with path.open("wb") as file:
-        minutes = np.rint(np.asarray(field.slice_times) / 60).astype(int).tolist()
-        first = begin + timedelta(minutes=minutes[0])
-        for seconds, minute in zip(field.slice_times, minutes, strict=True):
-            planar = field.velocity(xy, float(seconds))
-            east_north = projection.rotate_to_lonlat(lonlat, planar)
-            for number, values in zip(_PARAMETERS, np.moveaxis(east_north, -1, 0), strict=True):
-                product = _product(number, first, minute - minutes[0])
-                file.write(_message(product, lon, lat, values, known))
-
-
-def has_grib(case: RunCase) -> bool:
-    """Whether a case's current has a time, and a value at a node; a small chart may hold none."""
-    return fields_from(case) is not None and bool(_nodes(case)[-1].any())
-
-
-def _nodes(case: RunCase) -> tuple[IndexArray, IndexArray, FloatArray, BoolArray]:
-    """Return a case's nodes: both axes, millidegrees; lon/lat (ny, nx, 2); which have a value."""
-    lon, lat = _axes_mdeg(case.source_grid)
-    lonlat = np.stack(np.meshgrid(lon / 1000, lat / 1000), axis=-1)
-    xy = case.case.projection.to_plane(lonlat)
-    xmin, ymin, xmax, ymax = case.case.chart.bounds
-    known = case.source_grid.cells.at(lonlat.reshape(-1, 2)).reshape(lonlat.shape[:2])
-    known &= ((xy >= (xmin, ymin)) & (xy <= (xmax, ymax))).all(axis=-1)
-    return lon, lat, lonlat, known
-
-
-def _axes_mdeg(grid: CurrentGrid) -> tuple[IndexArray, IndexArray]:
-    """Return a grid of nodes, whole millidegrees, over that of the source."""
-    spans = [(float(axis[0]), float(axis[-1]), axis.size) for axis in (grid.lon, grid.lat)]
-    nodes = [_NODES_PER_CELL * (count - 1) for _, _, count in spans]
-    fewer = max(1.0, math.sqrt(math.prod(nodes) / _MAX_NODES))
-    axes = []
-    for (first, last, _), count in zip(spans, nodes, strict=True):
-        step = math.ceil(1000 * (last - first) / count * fewer - _ROUNDING)
-        begin = step * math.ceil(1000 * first / step - _ROUNDING)
-        axes.append(np.arange(begin, 1000 * last + _ROUNDING, step).astype(np.intp))
-    return axes[0], axes[1]
-
-
-def _message(
-    product: bytes, lon_mdeg: IndexArray, lat_mdeg: IndexArray, values: FloatArray, known: BoolArray
-) -> bytes:
-    """Encode a component (ny, nx), m/s, whose values are known at some nodes."""
-    sections = b"".join(
-        [product, _grid_section(lon_mdeg, lat_mdeg), _bitmap(known), _data(values[known]), b"7777"]
-    )
-    return b"GRIB" + _whole(8 + len(sections), 3) + b"\1" + sections
-
-
-def _product(number: int, first: datetime, minutes: int) -> bytes:
-    """Encode what a field is: a component at the surface, some minutes after the first field.
-
-    Plotters take the fields of one reference time for one forecast. Its steps are whole hours: a
-    field between them has a reference time of its own.
-    """
-    hours, rest = divmod(minutes, 60)
-    first += timedelta(minutes=rest)
-    century, year = divmod(first.year - 1, 100)
-    fields = [_TABLE, _NONE, _NONE, _NONE, _HAS_GRID_AND_BITMAP, number, _SURFACE, 0, 0]
-    fields += [year + 1, first.month, first.day, first.hour, first.minute]
-    fields += [_HOURS, *divmod(hours, 256), _LONG_STEP if hours else 0, 0, 0, 0]
-    return _section(bytes([*fields, century + 1, 0, 0, 0]))
-
-
-def _grid_section(lon_mdeg: IndexArray, lat_mdeg: IndexArray) -> bytes:
-    """Encode a regular grid whose rows run to the east, and from south to north."""
-    first, last = (
-        b"".join(_signed(int(axis[end]), 3) for axis in (lat_mdeg, lon_mdeg)) for end in (0, -1)
-    )
-    sizes, steps = (
-        b"".join(_whole(int(one), 2) for one in pair)
-        for pair in ((lon_mdeg.size, lat_mdeg.size), (np.diff(lon_mdeg)[0], np.diff(lat_mdeg)[0]))
-    )
-    plain = bytes([0, _NONE, 0]) + sizes + first + bytes([_HAS_STEPS]) + last + steps
-    return _section(plain + bytes([_NORTHWARDS, 0, 0, 0, 0]))
-
-
-def _bitmap(known: BoolArray) -> bytes:
-    """Encode which nodes have a value."""
-    bits = np.packbits(known.reshape(-1)).tobytes()
-    padding = len(bits) % 2
-    return _section(bytes([8 * (len(bits) + padding) - known.size, 0, 0]) + bits + b"\0" * padding)
-
-
-def _data(values: FloatArray) -> bytes:
-    """Pack values (n,) as multiples of a power of two above a reference."""
-    least, reference = _ibm_below(float(values.min()))
-    span = max(float(values.max()) - least, _LEAST_SPAN_M_S)
-    power = math.ceil(math.log2(span / (2**_BITS - 1)))
-    packed = np.rint((values - least) / 2.0**power).astype(">u2").tobytes()
-    # A byte makes the section's length even.
-    return _section(
-        bytes([_PADDED]) + _signed(power, 2) + reference + bytes([_BITS]) + packed + b"\0"
-    )
-
-
-def _ibm_below(value: float) -> tuple[float, bytes]:
-    """Return the largest IBM number of 32 bits up to a value, and its bytes."""
-    power = max(math.floor(math.log(abs(value), 16)) + 1, -64) if value else 0
-    fraction = math.floor(value / 16.0**power * 2**24)
-    if fraction == -(2**24):
-        power, fraction = power + 1, -(2**20)
-    sign = 0x80 * (fraction < 0)
-    return fraction / 2**24 * 16.0**power, bytes([sign + power + 64]) + _whole(abs(fraction), 3)
-
-
-def _section(content: bytes) -> bytes:
-    """Return a section: its length, then its content."""
-    return _whole(3 + len(content), 3) + content
-
-
-def _whole(number: int, size: int) -> bytes:
-    """Encode a whole number that is not negative."""
-    return number.to_bytes(size, "big")
-
-
-def _signed(number: int, size: int) -> bytes:
-    """Encode a whole number as its sign and its size."""
-    sign = (number < 0) << (8 * size - 1)
-    return _whole(abs(number) + sign, size)

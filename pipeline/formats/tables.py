@@ -18,7 +18,6 @@ from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage
 from pipeline.findings.names import figure_columns, figures, used
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
-from pipeline.formats.figures.chart_map import drawable
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -156,15 +155,16 @@ _ERROR_M = 5.0
 _NO_CURRENT_KN = 0.05
 
 
-_HEADS = tomllib.loads(Path(__file__).with_name("printed.toml").read_text(encoding="utf-8"))
-_LEGS: dict[str, str] = _HEADS["legs"]
+_LEGS: dict[str, str] = tomllib.loads(
+    Path(__file__).with_name("legs.toml").read_text(encoding="utf-8")
+)
 
 
 def leg_headings(points: Waypoints) -> dict[str, str]:
     """Return the headings of a route's table; the water's is empty without a tide."""
     headings = dict(_LEGS)
     if has_speeds(points):
-        headings["speed_kn"] = "Speed, kn\nSOG / STW"
+        headings["speed_kn"] = "Speed, kn: SOG / STW"
     if points.ranked.route.least_water is None:
         headings["water"] = ""
     energy = points.ranked.metrics.energy
@@ -297,8 +297,6 @@ def tightest_text(case: Case, tightest: renew.Tightest) -> str:
 
 
 STATES: tuple[State, ...] = get_args(State)
-# Maximum length of a haven's name in the printed table, in characters.
-_MAX_NAME = 20
 HAVEN_COLUMNS = (
     *("season", "kind", "begin", "end", "begin_s", "end_s", "haven", "way", "turn_off"),
     *("turn_off_s", "lon", "lat", "haven_lon", "haven_lat", "bearing_deg", "length_m", "hours"),
@@ -354,18 +352,6 @@ def write_table(result: RunResult, path: Path) -> None:
     write_csv(path, columns, rows(result))
 
 
-PRINTED: dict[str, str] = _HEADS["havens"]
-"""Columns of the printed table, with their headings."""
-
-
-def printed_rows(case: RunCase) -> list[dict[str, str]]:
-    """Return the rows of a case for the passage plan, by the columns of `PRINTED`."""
-    rows = [haven_texts(row, case) for row in haven_rows(case)]
-    for row in rows:
-        row["haven"] = drawable(row.get("haven", ""), _MAX_NAME)
-    return rows
-
-
 def _moment_cell(seconds: float, departure: datetime | None) -> str:
     """Write a time as UTC, to the minute, or since departure if none is given."""
     if departure is None:
@@ -374,7 +360,7 @@ def _moment_cell(seconds: float, departure: datetime | None) -> str:
 
 
 def haven_texts(row: HavenRow, case: RunCase) -> dict[str, str]:
-    """Return a row as text, by the columns of `PRINTED`; the last place to turn has no begin.
+    """Return a row as text, by column; the last place to turn off has no begin.
 
     Fuel is left out if the vessel's power is not known: it is in proportion to time.
     """

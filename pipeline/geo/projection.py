@@ -55,9 +55,7 @@ _MAX_LEG_M = 10_000.0
 MAX_EDGE_M = 5_000.0
 """Length above which edges that are straight in degrees are divided before they are projected, m:
 they are curved in the plane. One of 5 km at 70 degrees of latitude deviates by 1.3 m."""
-# Maximum angular distortion of a CRS, degrees: directions must be right to 0.1 degrees.
-_MAX_ANGULAR_DISTORTION_DEG = 0.1
-# Number of points per side of the region at which scale and distortion are computed.
+# Number of points per side of the region at which the scale is computed.
 _SAMPLES = 9
 
 
@@ -85,19 +83,15 @@ class Projection:
             raise RequestError(f"scale is {self.scale:g}, must be above 0: 1 is the true scale")
 
     @classmethod
-    def for_region(
-        cls, region: shapely.Polygon, scale: float = 1.0, crs: str | None = None
-    ) -> "Projection":
+    def for_region(cls, region: shapely.Polygon, scale: float = 1.0) -> "Projection":
         """Choose the projection for a region.
 
-        Raises RequestError if the region is not on the globe; the CRS is unknown, not projected, or
-        not conformal.
+        Raises RequestError if the region is not on the globe.
 
         Parameters
         ----------
         region : lon/lat degrees, continuous across 180 (170 to 190, not 170 to -170).
         scale : true metres per planar metre.
-        crs : a conformal projected CRS to use instead (an EPSG code, PROJ string or WKT).
         """
         west, south, east, north = region.bounds
         if region.is_empty or not (-90 <= south <= north <= 90 and east - west <= 360):
@@ -106,9 +100,7 @@ class Projection:
                 "keep latitudes in -90 to 90 and longitudes within one turn of 360"
             )
         centre = (west + east) / 2
-        if crs is not None:
-            chosen = cls(_checked(crs, region), scale, centre)
-        elif (polar := _polar_latitude(region)) is not None:
+        if (polar := _polar_latitude(region)) is not None:
             chosen = cls._balanced("stere", centre, polar, 0.0, region, scale)
         elif _is_narrow(region):
             chosen = cls._balanced("tmerc", centre, (south + north) / 2, 0.0, region, scale)
@@ -149,7 +141,7 @@ class Projection:
         """Project lon/lat (..., 2) in degrees to scaled planar metres (..., 2)."""
         points = np.asarray(lonlat, dtype=np.float64)
         x, y = _transformer(self.crs).transform(points[..., 0], points[..., 1])
-        planar: FloatArray = np.stack([x, y], axis=-1) * (_unit_m(self.crs) / self.scale)
+        planar: FloatArray = np.stack([x, y], axis=-1) / self.scale
         if not np.isfinite(planar).all():
             bad = points[~np.isfinite(planar).all(axis=-1)].reshape(-1, 2)[0]
             raise RequestError(
@@ -160,7 +152,7 @@ class Projection:
 
     def to_lonlat(self, xy: ArrayLike) -> FloatArray:
         """Convert scaled planar metres (..., 2) to lon/lat degrees (..., 2)."""
-        points = np.asarray(xy, dtype=np.float64) * (self.scale / _unit_m(self.crs))
+        points = np.asarray(xy, dtype=np.float64) * self.scale
         lon, lat = _transformer(self.crs).transform(
             points[..., 0], points[..., 1], direction="INVERSE"
         )
@@ -211,13 +203,6 @@ class Projection:
         path = np.asarray(xy, dtype=np.float64)
         lonlat = self.to_lonlat(densified(path, _MAX_LEG_M / self.scale))
         return float(_GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
-
-    def angular_distortion(self, lonlat: ArrayLike) -> FloatArray:
-        """Return the largest change (...) of any angle, degrees; 0 where conformal."""
-        singular = np.linalg.svd(self._jacobian(lonlat), compute_uv=False)
-        large, small = singular[..., 0], singular[..., 1]
-        distortion: FloatArray = np.degrees(2 * np.arcsin((large - small) / (large + small)))
-        return distortion
 
     def __dask_tokenize__(self) -> tuple[str, str, float, float]:
         """Return the values that identify a projection in the keys of the store."""
@@ -300,28 +285,6 @@ def _samples(region: shapely.Polygon) -> FloatArray:
     return np.stack(grid, axis=-1).reshape(-1, 2)
 
 
-def _checked(crs: str, region: shapely.Polygon) -> str:
-    """Return `crs` if it is projected and conformal in the region; refuse it otherwise."""
-    try:
-        parsed = pyproj.CRS.from_user_input(crs)
-    except pyproj.exceptions.CRSError as error:
-        raise RequestError(
-            f"crs {crs!r} is not known to pyproj ({error}); try 'EPSG:32651', or leave it out"
-        ) from error
-    if not parsed.is_projected:
-        raise RequestError(
-            f"crs {crs!r} ({parsed.name}) is not a projected CRS; leave it out to have one chosen"
-        )
-    distortion = float(Projection(crs).angular_distortion(_samples(region)).max())
-    if distortion > _MAX_ANGULAR_DISTORTION_DEG:
-        raise RequestError(
-            f"crs {crs!r} ({parsed.name}) distorts angles by up to {distortion:.2g} degrees in "
-            f"the region, more than {_MAX_ANGULAR_DISTORTION_DEG:g}: turning circles need a "
-            "conformal one (leave crs out to have one chosen)"
-        )
-    return crs
-
-
 def rotated(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     """Rotate vectors (..., 2) anticlockwise by angle (...) in radians."""
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -336,12 +299,6 @@ def rotated(vectors: FloatArray, angle: FloatArray) -> FloatArray:
 def _transformer(crs: str) -> pyproj.Transformer:
     """Return the transformer from lon/lat to the plane of `crs` in its own units."""
     return pyproj.Transformer.from_crs(_LONLAT, crs, always_xy=True)
-
-
-@lru_cache(maxsize=32)
-def _unit_m(crs: str) -> float:
-    """Return the metres per unit of the plane's axes."""
-    return float(pyproj.CRS.from_user_input(crs).axis_info[0].unit_conversion_factor)
 
 
 # Mean radius of the earth, m: (2a + b)/3 of the ellipsoid GRS 80, which is WGS 84's to 0.1 mm

@@ -27,10 +27,8 @@ from pipeline.model.inputs import (
 )
 from pipeline.model.result import (
     CaseResult as CaseResult,
-    ClockWorth as ClockWorth,
     DepartureChoice as DepartureChoice,
     EnsembleFigures as EnsembleFigures,
-    GapShares as GapShares,
     Measures as Measures,
     NarrowStretch as NarrowStretch,
     Passage as Passage,

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray
@@ -25,7 +24,6 @@ from pipeline.scenario.catalogue import PowerSpec, VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season, interval
 from renew.errors import Length
-from renew.request import Request
 from renew.vary.ensemble import Statistic
 
 Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
@@ -194,13 +192,11 @@ class Case:
         tide that tidal water needs includes the `under_keel_clearance_m`.
     weather : wind and waves with a limit; water over it is among the `areas`.
     leeway : how the wind carries a vessel without thrust, m/s, beside the current.
-    anchorage : water in which the vessel can anchor while it waits, or None.
     speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
     members : the currents whose mean is the current.
     lanes : traffic lanes that no route may sail against.
     before : the plan that the vessel sails, if it is planned again under way, from `start` on.
     follows : name of the case that ends at the anchorage where this one begins; or "".
-    known : options, the tuple of areas, and the plan, if waits were looked for and none is needed.
     power : the vessel's power and what is on board, of which `spent_j` (joules) is used up before.
     """
 
@@ -216,7 +212,6 @@ class Case:
     areas: tuple[renew.ShutArea, ...] = ()
     weather: tuple[LimitedField, ...] = ()
     leeway: Current | None = None
-    anchorage: BaseGeometry | None = None
     tidal_depth: renew.TidalDepth | None = None
     under_keel_clearance_m: float = 0.0
     speeds: SpeedChoice | None = None
@@ -224,7 +219,6 @@ class Case:
     lanes: tuple[Zone, ...] = ()
     before: VoyageBefore | None = None
     follows: str = ""
-    known: tuple[renew.PlanOptions, tuple[renew.ShutArea, ...], renew.Plan] | None = None
     power: PowerSpec | None = None
     spent_j: float = 0.0
 
@@ -282,17 +276,8 @@ class Case:
             "arrive_by": None if choice is None else arrive_by_s,
         }
 
-    def request(self, options: renew.PlanOptions) -> Request:
-        """Return the case as a request to the planner, at the vessel's own speed."""
-        ends = self.start, self.goal
-        asked = {name: self.itinerary()[name] for name in ("via", "avoid", "depth")}
-        return Request.of(self.chart, self.current, self.vessel, ends, options=options, **asked)
-
     def planned(self, options: renew.PlanOptions, arrive_by_s: float = math.inf) -> renew.Plan:
         """Plan the case in its current."""
-        known = self.known
-        if known is not None and known[0] == options and known[1] is self.areas:
-            return known[2]
         return renew.plan(
             self.chart,
             self.current,

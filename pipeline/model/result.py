@@ -193,41 +193,6 @@ class NumberedIsland:
 
 
 @dataclass(frozen=True, slots=True)
-class GapShares:
-    """The parts of the optimality gap of a case's best route, as shares of the bound on fuel.
-
-    `chart` is the fuel that simplification, margin and offing cost, and `padding` the fuel that the
-    room for hard-over turns costs. `tide` is the fuel that a tide costs by shutting water for some
-    hours. `bound` is the fuel of the best route on the original land, with all tidal water open,
-    less the bound.
-    """
-
-    chart: float
-    padding: float
-    bound: float
-    tide: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class ClockWorth:
-    """The fuel that a case's best route saves by knowing how the current changes.
-
-    Figures are fuel in the planner's units. `best` is the best route's; no route needs less than
-    `bound`. The others are of plans made without that knowledge and sailed in the changing current:
-    `frozen` was planned in the current at departure, `mean` in its mean over the best route's
-    voyage, `shortest` in no current at all; inf where there is no plan, or it can't be sailed.
-    Where speeds are chosen, all are sailed so that they arrive `in_time`.
-    """
-
-    best: float
-    frozen: float
-    mean: float
-    shortest: float
-    bound: float
-    in_time: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class ShoreCrossing:
     """Where a route crosses land of the second shoreline: its middle (degrees), true metres.
 
@@ -469,7 +434,6 @@ class Measures:
     `narrow` are the stretches without room for a turn, by rank and along each route. `near_best` is
     the water (planar m) outside which every route needs over 1 % more fuel than the best; None
     where it is not known.
-    `gap_shares` are there if they were asked for, `clock_worth` if the current changes.
     """
 
     routes: tuple[RouteMetrics, ...] = ()
@@ -478,8 +442,6 @@ class Measures:
     adrift: tuple[renew.Adrift, ...] = ()
     narrow: tuple[NarrowStretch, ...] = ()
     near_best: shapely.Geometry | None = None
-    gap_shares: GapShares | None = None
-    clock_worth: ClockWorth | None = None
 
 
 @dataclass(frozen=True, slots=True)

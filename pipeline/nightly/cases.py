@@ -317,10 +317,6 @@ def expand(config: NightConfig, *, only: str | None = None) -> list[Block]:
         for first, other in itertools.combinations(blocks, 2)
         if not any(a.isdisjoint(b) for a, b in zip(first.names, other.names, strict=True))
     ]
-    for number, voyage in enumerate(config.spec.voyages):
-        for key, given in (("results", voyage.results), ("positions", voyage.positions)):
-            if reason := unreadable_reason(config.here(given)):
-                faults.append(config.located(f"voyages[{number}].{key}", f" = {given!r} {reason}"))
     if faults:
         raise RequestError(faults)
     if only is not None:
@@ -423,9 +419,8 @@ def _vessels(spec: CaseSpec, refuse: _Refuse) -> tuple[VesselSpec | None, ...]:
 
 def _seasons(spec: CaseSpec, scenario: Scenario, refuse: _Refuse) -> tuple[Season, ...]:
     """Return the scenario's seasons that the table asks for."""
-    wait = {"limits.wait": scenario.limits is not None and scenario.limits.wait_s}
-    for key in ("via", "avoid", "tide", "limits.wait"):
-        if wait.get(key) or getattr(scenario, key, None):
+    for key in ("via", "avoid", "tide"):
+        if getattr(scenario, key):
             refuse(
                 "scenario",
                 f"{scenario.name} has '{key}', which a night can't plan with; leave it out",

@@ -104,16 +104,6 @@ class CaseSpec(strict.StrictModel):
     currents: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
 
 
-class VoyageSpec(strict.StrictModel):
-    """One [[voyages]] table: a vessel under way, whose voyage is planned again every night."""
-
-    results: strict.PathAsGiven
-    positions: strict.PathAsGiven
-    currents: Annotated[_MEMBERS, Field(min_length=1)]
-    season: str = ""
-    departed: strict.Moment | None = None
-
-
 class NightSpec(strict.StrictModel):
     """The keys of a night's file."""
 
@@ -126,7 +116,6 @@ class NightSpec(strict.StrictModel):
     workers: strict.Integer | None = Field(default=None, ge=1, le=1024)
     # With 0.5 GB a worker can load its libraries and plan in a plane; a chart needs more.
     memory_gb: Annotated[strict.Number, Field(ge=0.5)] = 2.0
-    voyages: tuple[VoyageSpec, ...] = ()
     cases: tuple[CaseSpec, ...] = Field(min_length=1)
 
 

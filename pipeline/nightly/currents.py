@@ -1,32 +1,21 @@
-"""A night's currents: the newest, and forecasts of earlier nights, which are members of tonight's.
+"""A night's currents: the newest.
 
 The newest currents name the cycle, and the departures are counted from their time. The machine's
 clock is only used to leave out currents that are dated in the future.
-
-Earlier forecasts are kept in `OUTPUT/.forecasts/`. They cost no download, and spread with lead as
-the truth does (Hoffman & Kalnay 1983, lagged averages). A night copies the files, because the next
-one finds newer ones in their place. Each source has a folder, and in it a folder for each forecast,
-named by its reference time, or by its last time step where the files don't say one.
 """
 
 import contextlib
 import hashlib
-import itertools
-import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from glob import escape
 from pathlib import Path
 
 from pipeline.errors import PipelineError, RequestError, StageError
-from pipeline.machine.files import UNFINISHED, file_lock, flush_tree
 from pipeline.model.inputs import Issue
 from pipeline.nightly.cases import Block
-from pipeline.nightly.cycles import UNDATED, dated_name, writing
+from pipeline.nightly.cycles import UNDATED, dated_name
 from pipeline.scenario.season import Currents, Season, source_name
-from pipeline.sources.cf.adapter import CfFiles
-from pipeline.sources.cf.contents import find_files
 from pipeline.sources.cf.dataset import fatal_files
 from pipeline.sources.registry import current_source, weather_files
 
@@ -37,12 +26,6 @@ _AHEAD = timedelta(days=1)
 # Largest time by which the last step of currents without a reference time may be ahead of the
 # clock: some currents last a season.
 _STEPS_AHEAD = timedelta(days=366)
-# Folder of all forecasts, in the output folder.
-_FORECASTS = ".forecasts"
-# Format of the names of forecasts' folders; the names ascend with time.
-_FORECAST = "%Y-%m-%dT%H%MZ"
-# Time to wait for another night that keeps forecasts in the same folder, s.
-_WAIT_S = 600.0
 
 
 class ComeAgainError(StageError):
@@ -185,97 +168,3 @@ def _spelled(time: datetime) -> str:
 def _hash(texts: Iterable[str]) -> str:
     """Return a hash of texts, hexadecimal."""
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
-
-
-# --- forecasts of earlier nights ---
-
-
-def keep_forecasts(output: Path, blocks: Iterable[Block], newest: Newest, *, prune: bool) -> None:
-    """Copy tonight's files of all sources whose earlier forecasts are members.
-
-    With `prune`, the oldest forecasts go that no case asks for. Raises StageError if they can't be
-    written.
-    """
-    wanted: dict[tuple[str, ...], dict[int, Season]] = {}
-    for block in blocks:
-        for season, sources in block.sources():
-            if season.members is None or not season.members.are_kept:
-                continue
-            for source in sources:
-                if isinstance(source, tuple) and source not in newest.ahead:
-                    wanted.setdefault(source, {})[season.members.count] = season
-    if not wanted:
-        return
-    root = output / _FORECASTS
-    with writing(root), file_lock(root / "lock", wait_s=_WAIT_S):
-        for source, by_count in wanted.items():
-            count = max(by_count)
-            _copy_forecast(output, source, by_count[count])
-            for old in _kept(output, source)[count:] if prune else ():
-                shutil.rmtree(old)
-
-
-def kept_forecasts(
-    output: Path, season: Season, sources: Iterable[Currents]
-) -> tuple[Currents, ...]:
-    """Return the sources with the files of tonight's forecast, and of those before it.
-
-    A source that has no time, or is not there yet, is left out.
-    """
-    count, kept_sources = (season.members.count if season.members else 0), list[Currents]()
-    for source in sources:
-        time = _forecast_time(source, season) if isinstance(source, tuple) else None
-        if time is not None:
-            tonight = time.strftime(_FORECAST)
-            kept = [path for path in _kept(output, source) if path.name <= tonight]
-            kept_sources.append(tuple(f"{escape(str(path))}/*" for path in kept[:count]))
-    return tuple(filter(None, kept_sources))
-
-
-def _folder(output: Path, source: Currents) -> Path:
-    """Return the folder of a source's forecasts."""
-    return output / _FORECASTS / _hash([str(source)])[:16]
-
-
-def _kept(output: Path, source: Currents) -> list[Path]:
-    """Return the folders of a source's forecasts, the newest first."""
-    paths = _folder(output, source).glob("*Z")
-    return sorted((path for path in paths if path.is_dir()), reverse=True)
-
-
-def _copy_forecast(output: Path, source: tuple[str, ...], season: Season) -> None:
-    """Copy a source's files of tonight, unless they are there."""
-    time = _forecast_time(source, season)
-    if time is None:
-        return
-    files, place = find_files(source), _folder(output, source) / time.strftime(_FORECAST)
-    if place.is_dir() and _stamps(place.iterdir()) == _stamps(files):
-        return
-    names = [file.name for file in files]
-    unfinished = place.with_name(f".{place.name}{UNFINISHED}")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir(parents=True)
-    for at, file in enumerate(files):
-        own = f"{at}-{file.name}" if names.count(file.name) > 1 else file.name
-        (shutil.copytree if file.is_dir() else shutil.copy2)(file, unfinished / own)
-    flush_tree(unfinished)
-    shutil.rmtree(place, ignore_errors=True)
-    unfinished.rename(place)
-
-
-def _forecast_time(source: tuple[str, ...], season: Season) -> datetime | None:
-    """Return the reference time of a source's files, or their last step; None without either."""
-    try:
-        issue = CfFiles(source, pair=season.current_variables).issue(season)
-    except PipelineError:
-        return None
-    return issue.reference or issue.last_step
-
-
-def _stamps(files: Iterable[Path]) -> list[tuple[int, int]]:
-    """Return sizes and times of change of files and of what is in folders; a copy keeps them."""
-    parts = itertools.chain.from_iterable(
-        file.rglob("*") if file.is_dir() else (file,) for file in files
-    )
-    states = (part.stat() for part in parts if part.is_file())
-    return sorted((part.st_size, part.st_mtime_ns) for part in states)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pipeline.errors import RequestError, StageError
@@ -18,19 +17,17 @@ from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinis
 from pipeline.nightly import records
 from pipeline.nightly.cases import Block, all_cases, expand, pairs_on_land, request_hash
 from pipeline.nightly.config import NightConfig
-from pipeline.nightly.currents import ComeAgainError, Newest, keep_forecasts, newest_currents
+from pipeline.nightly.currents import ComeAgainError, Newest, newest_currents
 from pipeline.nightly.cycles import (
     LATEST,
     BusyError,
     Cycles,
     Partial,
-    Row,
     base_of,
     cycle_time,
     night_lock,
     writing,
 )
-from pipeline.nightly.voyages import VOYAGES_FILE, planned_again, write_voyages
 from pipeline.texts import clean
 
 if TYPE_CHECKING:
@@ -273,9 +270,6 @@ class _Night:
             shared=planning.partial.request_file,
         ) as workers:
             with self._stage("prepare"):
-                keep_forecasts(
-                    self.config.output, self.blocks, self.newest, prune=self.only is None
-                )
                 planning.prepare(workers)
             with self._stage("plan"):
                 planning.plan(workers)
@@ -290,16 +284,13 @@ class _Night:
             if self._compared:
                 history = self.cycles.folder(self._compared) / records.HISTORY_FILE
             with self._stage("publish"):
-                voyages = self._voyages(partial.folder)
-                warnings = [_sentence(row) for row in voyages if row["outcome"] != records.SAME]
-                warnings += self._damage
-                notes = [*filter(None, [self._revises]), *warnings]
+                notes = [*filter(None, [self._revises]), *self._damage]
                 counted = write_files(partial.folder, planning, history, notes)
             with self._stage("check"):
                 check_files(partial.folder, len(self.cases))
             records.write_record(
                 partial.folder,
-                (*RESULTS, *([VOYAGES_FILE] if voyages else ())),
+                RESULTS,
                 {
                     "cycle": self.newest.cycle,
                     "revises": self._revises or None,
@@ -312,7 +303,7 @@ class _Night:
                     "begun": partial.started.isoformat(timespec="seconds"),
                     "seconds_by_stage": {k: round(s, 3) for k, s in self.seconds.items()},
                 },
-                warnings,
+                self._damage,
             )
         partial.clear()
         self.cycles.publish(self.newest.cycle)
@@ -322,17 +313,6 @@ class _Night:
             since = self.started.timestamp()
             prune(planning.store.root, max_bytes=MAX_STORE_BYTES, keep_since=since)
         return self._outcome_of(self.newest.cycle, "", fresh=True)
-
-    def _voyages(self, folder: Path) -> list[Row]:
-        """Plan the voyages again that are under way, and write their table."""
-        rows = list[Row]()
-        for spec in self.config.spec.voyages if self.only is None else ():
-            self._check_time()
-            rows.append(planned_again(self.config, spec))
-            self._note(_sentence(rows[-1]))
-        if rows:
-            write_voyages(rows, folder / VOYAGES_FILE)
-        return rows
 
     # --- outcome and events ---
 
@@ -381,8 +361,3 @@ class _Night:
                 f"the limit of {self.config.spec.limit_hours:g} h is reached; nothing is "
                 "published, and the parts that are done are kept: run again to continue"
             )
-
-
-def _sentence(voyage: Row) -> str:
-    """Return what planning a voyage again has answered."""
-    return f"voyage {voyage['voyage']}: {voyage['reason']}"

@@ -20,11 +20,11 @@ from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.machine.workers import LocalWorkers
 from pipeline.nightly import worker
 from pipeline.nightly.cases import NightCase, sources_of
-from pipeline.nightly.currents import ComeAgainError, Newest, kept_forecasts
+from pipeline.nightly.currents import ComeAgainError, Newest
 from pipeline.nightly.cycles import Partial, Row
 from pipeline.nightly.records import EarlierRoute
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import CYCLES, Currents, Season
+from pipeline.scenario.season import Currents, Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import on_clock
 from pipeline.texts import clean
@@ -206,11 +206,6 @@ class Planning:
         update: dict[str, object] = {}
         if case.member is not None or self.newest.ahead:
             update["currents"] = self._usable_currents(case)
-        members = case.season.members
-        if members is not None and members.are_kept:
-            kept = kept_forecasts(self.output, case.season, self._usable_currents(case))
-            along = members.model_copy(update={"along": CYCLES})
-            update |= {"currents": kept, "members": along} if kept else {"members": None}
         leaves = self.leaves(case)
         if case.departure is not None and leaves is not None and not case.block.scenario.is_planar:
             update["departure"] = leaves

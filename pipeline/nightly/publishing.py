@@ -24,7 +24,6 @@ from pipeline.findings import names, text
 from pipeline.findings.choices import flips_text
 from pipeline.formats.appearance import style_colours
 from pipeline.formats.gis import layers
-from pipeline.geo.projection import bounds_of
 from pipeline.machine.store import load_artefact
 from pipeline.nightly import records
 from pipeline.nightly.cases import NONE
@@ -331,62 +330,18 @@ def _over_members(row: Row) -> Row:
     }
 
 
-# --- the cycle as a STAC item ---
-
-
-ITEM_FILE = "item.json"
-_VERSION = "1.1.0"
-_PARQUET = "application/vnd.apache.parquet"
-_SQLITE = "application/geopackage+sqlite3"
-_ASSETS = {
-    "cases": (
-        records.CASES_FILE,
-        _PARQUET,
-        "One row per case: its best route, and what changed",
-        "data",
-    ),
-    "routes": (ROUTES_FILE, _PARQUET, "One row per route", "data"),
-    "geopackage": (GEOPACKAGE_FILE, _SQLITE, "The best routes, for a GIS", "data"),
-    "changes": (CHANGES_FILE, "text/csv", "What changed since the cycle before", "metadata"),
-    "history": (records.HISTORY_FILE, _PARQUET, "All cycles' cases and figures", "metadata"),
-    "page": (PAGE_FILE, "text/html", "What to look at", "overview"),
-}
-RESULTS = (*(name for name, *_ in _ASSETS.values()), ITEM_FILE)
-"""The files of a cycle except `night.json`, which is written after the others are checked."""
-
-
-def item_text(
-    cycle: str, moment: datetime, routes: Iterable[bytes], counts: Mapping[str, int]
-) -> str:
-    """Return a cycle as a static STAC item (https://stacspec.org, 1.1.0), for catalogues.
-
-    `moment` is the time of the currents or else of the night; `routes` are WKB. The item is written
-    without pystac, whose `Link` would turn the relative `self` into an absolute path; the tests
-    read it with pystac.
-    """
-    box = bounds_of(shapely.bounds(shapely.from_wkb(list(routes))).tolist())
-    item = {
-        "type": "Feature",
-        "stac_version": _VERSION,
-        "stac_extensions": [],
-        "id": cycle,
-        "geometry": shapely.geometry.mapping(shapely.box(*box)),
-        "bbox": list(box),
-        "properties": {
-            "datetime": moment.strftime("%Y-%m-%dT%H:%M:%SZ"),
-            "title": f"Routes of the night {cycle}",
-            **{f"renew:{outcome}": count for outcome, count in counts.items()},
-        },
-        "links": [{"rel": "self", "href": f"./{ITEM_FILE}", "type": "application/geo+json"}],
-        "assets": {
-            key: {"href": f"./{name}", "type": kind, "title": title, "roles": [role]}
-            for key, (name, kind, title, role) in _ASSETS.items()
-        },
-    }
-    return json.dumps(item, indent=2) + "\n"
-
-
 # --- all files ---
+
+
+RESULTS = (
+    records.CASES_FILE,
+    ROUTES_FILE,
+    GEOPACKAGE_FILE,
+    CHANGES_FILE,
+    records.HISTORY_FILE,
+    PAGE_FILE,
+)
+"""The files of a cycle except `night.json`, which is written after the others are checked."""
 
 
 def write_files(
@@ -413,9 +368,6 @@ def write_files(
         write_geopackage(routes, folder / GEOPACKAGE_FILE, newest.time)
         page = page_text(newest, case_rows, notes, _charts(planning), planning.earlier)
         (folder / PAGE_FILE).write_text(page, encoding="utf-8")
-        moment, counts = newest.time or partial.started, counted["cases_by_outcome"]
-        item = item_text(newest.cycle, moment, [row["geometry"] for row in routes], counts)
-        (folder / ITEM_FILE).write_text(item, encoding="utf-8")
     return counted
 
 
@@ -465,7 +417,6 @@ def check_files(folder: Path, count: int) -> None:
             if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
                 faults.append(f"{GEOPACKAGE_FILE} is damaged")
             database.execute("SELECT count(*) FROM routes").fetchone()
-        json.loads((folder / ITEM_FILE).read_text(encoding="utf-8"))
         if "</html>" not in (folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
             faults.append(f"{PAGE_FILE} has no end")
         (folder / CHANGES_FILE).read_text(encoding="utf-8")

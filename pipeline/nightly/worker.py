@@ -36,7 +36,7 @@ from pipeline.stages.fetch import Fetcher, on_clock
 from pipeline.stages.limits import limited_fields, over_limits
 from pipeline.stages.places import plane_current, plane_water
 from pipeline.stages.plan_case import plan_case
-from pipeline.stages.project import flow_of, members_of, planar_current, water_of
+from pipeline.stages.project import members_of, planar_current, water_of
 from pipeline.stages.region import chosen_region
 from pipeline.stages.simplify import simplify
 from renew import Route
@@ -197,7 +197,6 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     weather = limited_fields(
         weather_grids(chart.scenario, on_clock(season, chart.scenario)),
         chart.scenario.weather_limits,
-        flow_of(water, current),
     )
     return NightCurrent(
         *(current, grid.valid, grid.credit.name, _stand_in(grid), members, tuple(left_out)), weather

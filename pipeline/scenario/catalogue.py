@@ -26,13 +26,6 @@ _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 _UNNAMED = "vessel"
 
 
-class AgainstCurrent(StrictModel):
-    """Wind against the current: both limits are reached together."""
-
-    wind_m_s: _Figure
-    current_m_s: _Figure
-
-
 class VesselLimits(StrictModel):
     """Weather beyond which the vessel does not go."""
 
@@ -40,8 +33,6 @@ class VesselLimits(StrictModel):
     period_s: _Figure | None = None
     wind_m_s: _Figure | None = None
     gust_m_s: _Figure | None = None
-    wind_against_current: AgainstCurrent | None = None
-    anchor_m: _Figure | None = None
     leeway: _Figure | None = Field(default=None, le=0.5)
 
 

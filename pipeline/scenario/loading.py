@@ -62,8 +62,6 @@ def load_scenario(
             for note in notes:
                 on_note(note)
     scenario = faults.collect(lambda: parse_scenario(table, path.parent))
-    if scenario is not None:
-        faults.lines += _kept_members(scenario)
     if scenario is None or faults.lines:
         raise RequestError(faults.lines)
     return scenario
@@ -168,7 +166,7 @@ def _limit_faults(scenario: Scenario) -> Iterator[str]:
     spec, limits = scenario.limits, scenario.weather_limits
     if spec is None:
         return
-    by_wind = {"wind_m_s", "gust_m_s", "wind_against_current", "leeway"}
+    by_wind = {"wind_m_s", "gust_m_s", "leeway"}
     by_key = (("waves", "wave_m = 1.2", {"wave_m", "period_s"}), ("wind", "wind_m_s = 12", by_wind))
     for key, option, names in by_key:
         given = [name for name in sorted(names) if getattr(spec, name) is not None]
@@ -209,8 +207,6 @@ def _waiting_faults(scenario: Scenario) -> Iterator[str]:
             f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
             "waits, or plan the way on from there by itself"
         )
-    if waiting and scenario.limits is not None and scenario.limits.wait_s:
-        yield f"has {waiting[0]} and limits.wait; leave one out, as a plan chooses one wait"
     has_hours = bool(_keys_with_hours(scenario))
     for season in scenario.seasons if waiting else ():
         if season.first_departure is None or not (season.is_changing or has_hours):
@@ -259,16 +255,6 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
             yield f"{key} = '{paths.shown(path)}' {reason}{remedy}"
     if chart.depths and scenario.vessel.draught_m is None:
         yield f"vessel.draught_m is missing, and chart.depths needs it: {catalogue.DRAUGHT}"
-
-
-def _kept_members(scenario: Scenario) -> Iterator[str]:
-    """Find members that are to be a night's forecasts, which only `renew nightly` keeps."""
-    for at, season in enumerate(scenario.seasons):
-        if season.members is not None and season.members.are_kept:
-            yield (
-                f"seasons[{at}].members (season {season.name!r}) has neither 'along' nor 'spread', "
-                "and only renew nightly keeps forecasts; give one of the two"
-            )
 
 
 def _unknown_sources(scenario: Scenario) -> Iterator[str]:

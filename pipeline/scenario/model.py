@@ -99,12 +99,6 @@ class LimitsSpec(VesselLimits):
 
     waves: Annotated[tuple[strict.PathText, ...], BeforeValidator(as_files)] = ()
     wind: Annotated[tuple[strict.PathText, ...], BeforeValidator(as_files)] = ()
-    wait: Annotated[Span, AfterValidator(_short_wait)] = "0min"
-
-    @property
-    def wait_s(self) -> float:
-        """Longest wait, s."""
-        return span(self.wait).total_seconds()
 
 
 class HavensSpec(StrictModel):
@@ -152,26 +146,6 @@ class UnderWay(StrictModel):
     switch_above: strict.Number = Field(default=0.02, ge=0, le=1)
 
 
-class PublishedRow(StrictModel):
-    """One published route, in the publication's own units."""
-
-    label: str
-    season: str = ""
-    fuel: strict.Positive | None = None
-    clearance: strict.Positive | None = None
-    length: strict.Positive | None = None
-    fuel_per_distance: strict.Positive | None = None
-    side: str = ""
-
-
-class Published(StrictModel):
-    """Published figures that the report compares with this run's."""
-
-    origin: str
-    scale: strict.Positive = 1.0
-    rows: tuple[PublishedRow, ...]
-
-
 MAX_SEASONS = 1000
 """Largest number of seasons of a scenario."""
 
@@ -207,7 +181,6 @@ class OutputOptions(StrictModel):
     """Options of the output files."""
 
     rtz_version: Literal["1.0", "1.1", "1.2"] = "1.1"
-    explain_gap: bool = False
 
 
 def _known_vessel(given: object) -> object:
@@ -246,12 +219,6 @@ class Scenario(StrictModel):
     under_way: UnderWay | None = None
     planner: PlannerOptions = PlannerOptions()
     outputs: OutputOptions = OutputOptions()
-    published: Published | None = None
-
-    def explaining_gap(self) -> Self:
-        """Return the scenario with the option set that explains optimality gaps."""
-        outputs = self.outputs.model_copy(update={"explain_gap": True})
-        return self.model_copy(update={"outputs": outputs})
 
     def vessel_in(self, season: Season) -> VesselSpec:
         """Return the vessel with the highest speed that it has in a season."""

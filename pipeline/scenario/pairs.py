@@ -22,7 +22,6 @@ OF_THE_SCENARIO: dict[str, Callable[[Scenario], bool]] = {
     "hours in [[avoid]]": lambda asked: any(area.has_hours for area in asked.avoid),
     "a [tide]": lambda asked: asked.tide is not None,
     "[limits]": lambda asked: asked.limits is not None,
-    "a wait in [limits]": lambda asked: bool(asked.limits and asked.limits.wait_s),
     "[havens]": lambda asked: asked.havens is not None,
     "[under_way]": lambda asked: asked.under_way is not None,
     "via points": lambda asked: bool(asked.via),

@@ -34,7 +34,6 @@ class Region(StrictModel):
 
     bbox: strict.LonLatBox | None = None
     polygon: strict.LonLatRing | None = None
-    crs: str | None = None
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:

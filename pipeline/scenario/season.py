@@ -162,8 +162,6 @@ def named_departure(season: str) -> datetime | None:
 
 FILES = "files"
 """`members.along` where each file is a member."""
-CYCLES = "cycles"
-"""`members.along` where the files of each folder are one forecast, and a member."""
 
 
 class MembersSpec(StrictModel):
@@ -181,17 +179,12 @@ class MembersSpec(StrictModel):
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        if self.along and self.spread is not None:
-            raise ValueError("has both 'along' and 'spread'; give one of the two")
+        if bool(self.along) == (self.spread is not None):
+            which = "both" if self.along else "neither"
+            raise ValueError(f"has {which} of 'along' and 'spread'; give one of the two")
         if self.weights and not self.along:
-            which = "forecasts that a night keeps" if self.are_kept else "random members"
-            raise ValueError(f"has 'weights' for {which}; leave them out, or give 'along'")
+            raise ValueError("has 'weights' for random members; leave them out, or give 'along'")
         return self
-
-    @property
-    def are_kept(self) -> bool:
-        """Whether the members are the forecasts that a night keeps."""
-        return not self.along and self.spread is None
 
 
 # The limit of a vessel's own speed.
@@ -344,10 +337,9 @@ class Season(StrictModel):
         along = self.members.along
         others = [source_name(named) for named in self.currents if not isinstance(named, tuple)]
         if others or not self.currents:
-            kind = "files" if along in {"", FILES, CYCLES} else "files with that dimension"
-            given = f"members.along = {along!r}" if along else "'members' of earlier forecasts"
+            kind = "files" if along == FILES else "files with that dimension"
             without = f", not {', '.join(others)}" if others else ""
-            yield f"has {given}, which needs {kind} in 'currents'{without}"
+            yield f"has members.along = {along!r}, which needs {kind} in 'currents'{without}"
 
     def _time_faults(self) -> Iterator[str]:
         """Find times and speeds that contradict each other, and what a choice of them lacks."""

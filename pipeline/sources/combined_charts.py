@@ -3,8 +3,8 @@
 An area that any of several charts forbids is no-go. With depths, water too shallow for the vessel
 is no-go as well: the grid's cells that are too shallow, and one cell around them, as polygons.
 
-A file of depths follows the CF conventions, as those of GEBCO and EMODnet do, or is S-102, BAG or
-GeoTIFF. The variable is found by its standard name, else by its name. GEBCO's `elevation` is
+A file of depths follows the CF conventions, as those of GEBCO and EMODnet do, or is S-102.
+The variable is found by its standard name, else by its name. GEBCO's `elevation` is
 positive up, in metres, and so is EMODnet's; a depth is positive down, unless its attribute
 `positive` says otherwise. Of points on curved lines, as those of S-102 in UTM, the highest around
 each node of a table counts.
@@ -67,8 +67,9 @@ _NAMES = {"elevation": 1.0, "depth": -1.0, "h": None, "z": None, "band1": None}
 _SIGNS = {"up": 1.0, "down": -1.0}
 _METRES = {"m", "meter", "meters", "metre", "metres"}
 _REMEDY = (
-    "give a GEBCO, EMODnet or ETOPO grid in NetCDF, S-102, BAG or GeoTIFF; or name it 'elevation', "
-    "in m, positive up, or a depth by its CF standard name"
+    "give a GEBCO, EMODnet or ETOPO grid in NetCDF, or S-102; or name it 'elevation', in m, "
+    "positive up, or a depth by its CF standard name; of a BAG give what "
+    "`gdalwarp -t_srs EPSG:4326 -of netCDF` makes"
 )
 # Largest number of cells in a region and around it: some 300 MB while they are read.
 _MAX_CELLS = 20_000_000

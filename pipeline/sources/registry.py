@@ -171,7 +171,6 @@ def weather_files(scenario: Scenario) -> Iterator[tuple[str, CurrentSource]]:
         ("period_s", spec.waves, PERIOD),
         ("wind_m_s", spec.wind, WIND),
         ("gust_m_s", spec.wind, GUST),
-        ("wind_against_current", spec.wind, WIND),
         ("leeway", spec.wind, WIND),
     )
     for name, paths, quantity in rows:

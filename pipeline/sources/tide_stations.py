@@ -2,8 +2,7 @@
 
 Files are the tide-database's JSON (openwatersio/tide-database), NOAA's harmonic constants as JSON,
 which have no datum, and a TOML file of the user's, which may name one of the others as `constants`
-and add what it lacks. Official water levels (S-104) become stations with a zone, one for each zone
-of like water.
+and add what it lacks.
 
 A station counts in its zone, or near it by water. A spit parts the waters of two stations. Where
 nothing lies between, a distance by water is the straight line. Behind land it is the shortest way
@@ -17,7 +16,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Literal
@@ -29,14 +28,12 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 import renew
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import Faults, RequestError
-from pipeline.geo.projection import METRES_PER_DEGREE, Projection, position_text
+from pipeline.geo.projection import Projection, position_text
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
-from pipeline.model import Note
 from pipeline.model.inputs import TideRange
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.model import TideSpec
 from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated
-from pipeline.sources.water_levels import LevelSeries, has_levels, read_levels
 from pipeline.texts import clean
 
 # Least number of constants of a tide: M2, S2, K1 and O1.
@@ -61,8 +58,7 @@ class Station:
     `datum` is the chart datum's name, `mean_level_m` mean sea level over it, and `datums` the
     levels of other datums over it, m. `zone` is the water (degrees) whose tide this is; if it is
     empty, the water around `position`. `ratio` and `offset_s` (positive is later) are those of a
-    place that follows the station. Official levels are a `series`, instants (n,), s since 1970, and
-    levels (n,), m, in place of constants.
+    place that follows the station.
     """
 
     name: str
@@ -75,23 +71,9 @@ class Station:
     offset_s: float = 0.0
     zone: shapely.Polygon | shapely.MultiPolygon = _AROUND
     credit: str = ""
-    series: tuple[FloatArray, FloatArray] | None = None
-
-    @property
-    def hours(self) -> tuple[datetime, datetime] | None:
-        """First and last hour of official levels; None for constants, which have no end."""
-        if self.series is None:
-            return None
-        first, last = (float(self.series[0][end]) for end in (0, -1))
-        return datetime.fromtimestamp(first, UTC), datetime.fromtimestamp(last, UTC)
 
     def tide(self, epoch: datetime | np.datetime64) -> renew.Tide:
         """Return the heights, on a clock that is 0 at the epoch (UTC)."""
-        if self.series is not None:
-            instants, levels = self.series
-            return LevelSeries(
-                {}, 0.0, epoch, self.name, self.datum, instants=instants, levels=levels
-            )
         return renew.Tide(
             self.constants,
             self.mean_level_m,
@@ -116,11 +98,6 @@ def find_station(asked: str | Path) -> Station:
         known = f", and is no station of the catalogue: {near_miss(str(asked), named)}"
         known = known if reason == NOT_THERE else ""
         raise RequestError(f"tide: {shown_path(asked)} {reason}{known}")
-    if has_levels(path):
-        raise RequestError(
-            f"tide: {shown_path(asked)} has levels at many places, and no constants of one station;"
-            " give it as the --tide of a plan, or name a station here"
-        )
     return read_station(path)
 
 
@@ -353,22 +330,10 @@ _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 def stations_of(spec: TideSpec) -> tuple[Station, ...]:
     """Read the stations of a scenario; RequestError with the faults of all."""
     faults = Faults()
-    official = [path for asked in spec.stations if has_levels(path := Path(asked))]
-    stations = [
-        faults.collect(partial(find_station, asked))
-        for asked in spec.stations
-        if Path(asked) not in official
-    ]
-    zones = faults.collect(lambda: read_levels(official)) or ()
+    stations = [faults.collect(partial(find_station, asked)) for asked in spec.stations]
     if faults.lines:
         raise RequestError(faults.lines)
-    return (
-        *(
-            Station(zone.source, {}, None, zone.datum, zone=zone.area, series=zone.series)
-            for zone in zones
-        ),
-        *(station for station in stations if station is not None),
-    )
+    return tuple(station for station in stations if station is not None)
 
 
 def tide_range(spec: TideSpec) -> TideRange:
@@ -496,41 +461,6 @@ def distances_by_water(
     graph = coo_matrix((length, (begin, end)), shape=(size, size)).tocsr()
     apart = dijkstra(graph, directed=False, indices=np.arange(count, size))[:, :count]
     return boxes, places, apart + np.where(on_land, offsets.min(axis=1), 0.0)[:, None]
-
-
-def level_notes(stations: Sequence[Station], surge_m: float) -> Iterator[Note]:
-    """Yield notes on official levels: their hours, and stations whose tide is too high beside them.
-
-    A station's tide is too high for water within its reach where the levels are at some hour lower
-    by more than `surge_m`.
-    """
-    official = [station for station in stations if station.series is not None]
-    for source, hours in {station.name: station.hours for station in official}.items():
-        if hours is not None:
-            yield Note.of("levels-relied-on", source=source, begin=hours[0], until=hours[1])
-    for gauge in stations:
-        if gauge.series is not None or gauge.position is None:
-            continue
-        tide, (lon, lat) = gauge.tide(np.datetime64(0, "s")), gauge.position
-        up = _REACH_M / METRES_PER_DEGREE
-        aside = up / math.cos(math.radians(lat))
-        turns = np.linspace(0.0, 2 * np.pi, 65)
-        reach = shapely.polygons(
-            np.stack([lon + aside * np.cos(turns), lat + up * np.sin(turns)], axis=-1)
-        )
-        area = shapely.area(shapely.intersection([zone.zone for zone in official], reach))
-        lower_m = np.zeros(len(official))
-        for at in np.flatnonzero(area):
-            instants, levels = official[at].series or ((), ())
-            lower_m[at] = (tide.heights(np.asarray(instants)) - levels).max()
-        if (is_lower := lower_m > surge_m).any():
-            yield Note.of(
-                "levels-below-tide",
-                station=gauge.name,
-                share=float(area[is_lower].sum() / area.sum()),
-                most_m=float(lower_m.max()),
-                surge_m=surge_m,
-            )
 
 
 def refuse_far_water(

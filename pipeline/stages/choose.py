@@ -16,11 +16,10 @@ less fuel, except by the steps between departures. While the vessel lies at anch
 enough water, and it may lie in no shut area.
 """
 
-import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -59,25 +58,19 @@ from pipeline.stages.plan_case import planned
 from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
 from renew.errors import Moment
 from renew.inputs.openings import Opening
-from renew.planner.plan import finished
-from renew.vary.waits import WaitingPlan, plan_waiting
 
 _T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """A complete scenario with its data and cases; the chosen departures, and notes on choices.
-
-    `known` are options and plan of cases whose waits were looked for, and that need none.
-    """
+    """A complete scenario with its data and cases; the chosen departures, and notes on choices."""
 
     scenario: Scenario
     fetched: Fetched
     cases: Artefact[tuple[Case, ...]]
     choices: tuple[DepartureChoice, ...] = ()
     notes: tuple[Note, ...] = ()
-    known: Mapping[str, tuple[renew.PlanOptions, renew.Plan]] = field(default_factory=dict)
 
     def case(self, name: str) -> Case:
         """Return the case of a name."""
@@ -139,8 +132,6 @@ _MOST = 48
 _MINUTE_S = 60.0
 # Number of characters to which a season's name is cut before an addition.
 _NAME = 56
-# Distance (m) from a stop within which a path passes it.
-_AT_STOP = 1.0
 
 
 def with_onward_legs(given: Chosen) -> Chosen:
@@ -198,66 +189,6 @@ def _afloat(case: Case, arrival: float, times: FloatArray) -> int:
     return max(1, int(np.argmax(shut)) if shut.any() else len(shut))
 
 
-def with_waits(given: Chosen) -> Chosen:
-    """Return cases that wait where that lets them arrive earlier, each part a case of its own.
-
-    A case that waits at its start alone leaves later. A case without a way, even with waits, is
-    left to the plan, which says why.
-    """
-    spec = given.scenario.limits
-    if spec is None or not spec.wait_s:
-        return given
-    waiting = given
-    for case in given.cases.value:
-        with contextlib.suppress(renew.PlanningError):
-            options = plan_options(given.scenario.planner, min_lateness=MIN_LATENESS_S)
-            asked = case.copy().request(options)
-            plan = partial(plan_waiting, tick=_MINUTE_S, anchorage=case.anchorage)
-            found = in_thread(partial(plan, asked, spec.wait_s))
-            if found.waits:
-                waiting = _in_parts(waiting, case, found)
-            else:
-                known = {case.name: (options, finished(found.parts[0], asked))}
-                waiting = replace(waiting, known={**waiting.known, **known})
-    return waiting
-
-
-def _in_parts(given: Chosen, case: Case, found: WaitingPlan) -> Chosen:
-    """Return the choice with a case in the parts of its plan, which wait in between."""
-    season = next(one for one in given.scenario.seasons if one.name == case.name)
-    before, begun = case, 0.0
-    for number, part in enumerate(found.parts):
-        path, seasons = part.best.path, given.scenario.seasons
-        shift = _MINUTE_S * math.ceil(float(part.best.times[0]) / _MINUTE_S)
-        own = case.later(shift, f"{case.name[:_NAME]}-onward{number if number > 1 else ''}")
-        title = f"{season.title or case.name}, onward after a wait"
-        if not number:
-            if own.departure is not None:
-                own = replace(own, name=_label(given.scenario, case.name, own.departure))
-            title, seasons = "", tuple(one for one in seasons if one is not season)
-        passed = [via for via in case.via if (np.abs(path - via) < _AT_STOP).all(axis=1).any()]
-        follows = before.name if number else ""
-        via = np.array(passed).reshape(-1, 2)
-        own = replace(own, start=path[0], goal=path[-1], via=via, follows=follows)
-        keys = {"name": own.name, "departure": own.departure, "title": title}
-        made = *seasons, season.model_copy(update=keys)
-        scenario = given.scenario.model_copy(update={"seasons": made})
-        given = given.at_clock(scenario, own, before, shift - begun, keeps=bool(number))
-        before, begun = own, shift
-    notes = [
-        Note.of(
-            "waits-for-water",
-            place=case.water.place(wait.place),
-            begin=case.moment(wait.begin),
-            until=case.moment(wait.end),
-            fuel=wait.fuel,
-            anchors=wait.at_anchor,
-        )
-        for wait in found.waits
-    ]
-    return replace(given, notes=(*given.notes, *notes))
-
-
 def waiting_notes(chosen: Chosen) -> Iterator[Note]:
     """Yield a note on each time at anchor."""
     waiting = {case.name: case for case in chosen.cases.value if case.follows}
@@ -277,7 +208,7 @@ def choose(given: Chosen, store: Store, say: Say, scheduler: str | None = None) 
 
     Raises RequestError, StageError if no season has a departure that can be planned.
     """
-    split = with_waits(with_onward_legs(_with_offing(given)))
+    split = with_onward_legs(_with_offing(given))
     chosen = choose_departures(split, store, say, scheduler)
     chosen = replace(chosen, notes=(*chosen.notes, *waiting_notes(chosen)))
     for note in chosen.notes[len(given.notes) :]:

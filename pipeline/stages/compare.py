@@ -22,7 +22,6 @@ from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SimplifiedLand, Water
 from pipeline.model.result import NumberedIsland
 from pipeline.sources.cf.fields import WEAK_SHARE
-from pipeline.stages.canals import canal_notes
 from pipeline.stages.choose import Chosen, in_thread, narrows_notes, room_notes
 from pipeline.stages.lanes import against_lanes
 from pipeline.stages.limits import limit_notes
@@ -128,7 +127,6 @@ def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tup
         *waiting_notes(planned),
         *unresolved_strait_notes(result),
         *weak_stream_notes(result),
-        *left_out_canals(result),
         *lanes_broken(result),
         *result.unknowns,
     )
@@ -140,15 +138,6 @@ def safety_notes(result: RunResult) -> Iterator[Note]:
         for best in case.routes[:1]:
             for note in (*unsafe_notes(best), *sea_notes(best)):
                 yield note.about(case.name)
-
-
-def left_out_canals(result: RunResult) -> Iterator[Note]:
-    """Yield a note for each case whose ends a canal joins by a much shorter way than its route."""
-    for case in result.cases:
-        if case.routes and not result.scenario.is_planar:
-            start, *_, goal = result.water.projection.to_lonlat(case.case.stops).tolist()
-            notes = canal_notes(tuple(start), tuple(goal), case.routes[0].metrics.length_m)
-            yield from (note.about(case.name) for note in notes)
 
 
 def lanes_broken(result: RunResult) -> Iterator[Note]:

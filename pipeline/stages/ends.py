@@ -37,7 +37,7 @@ def in_water(scenario: Scenario, land: Land) -> tuple[Scenario, tuple[Note, ...]
     dry[shapely.STRtree(polygons).query(shapely.points(given), predicate="intersects")[0]] = True
     if not dry.any():
         return scenario, ()
-    plane = Projection.for_region(region.shape, 1.0, region.crs)
+    plane = Projection.for_region(region.shape)
     here = shapely.points(plane.to_plane(given))
     extent = plane.geometry_to_plane(region.shape, MAX_EDGE_M)
     body = _joining_water(extent, in_plane(polygons, plane), here, dry * snap_m)

@@ -154,8 +154,6 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
     apart_m = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
     straight_hours = apart_m / scenario.vessel_in(season).speed_m_s / 3600
     wait = scenario.anchorage[1] if scenario.anchorage else timedelta()
-    if scenario.limits is not None:
-        wait = max(wait, timedelta(seconds=scenario.limits.wait_s))
     hours = _LONGEST_WAY * straight_hours + _DAY_HOURS + wait / timedelta(hours=1)
     hours = min(math.ceil(hours), MAX_HOURS)
     return season.model_copy(update={"max_hours": hours})

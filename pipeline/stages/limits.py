@@ -7,19 +7,17 @@ After the last time step nothing is known, so all water is shut.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import timedelta
 from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.projection import Projection
-from pipeline.model import Case, CaseResult, CurrentGrid, Land, Note
+from pipeline.model import Case, CaseResult, CurrentGrid, Note
 from pipeline.model.inputs import LimitedField
 from pipeline.scenario.catalogue import VesselLimits
 from pipeline.scenario.model import Scenario
@@ -34,59 +32,25 @@ _MOST_CELLS = 48
 _SPACING = 1 / 2_000
 
 
-FlowAt = Callable[[FloatArray, float], FloatArray]
-"""A current (..., 2), m/s east and north, at lon/lat (..., 2) and a time, s since departure."""
-
 # What messages call the fields, by the keys of their limits; the unit of each.
 _NAMES = {
     "wave_m": ("waves", "m"),
     "period_s": ("wave periods", "s"),
     "wind_m_s": ("wind", "m/s"),
     "gust_m_s": ("gusts", "m/s"),
-    "wind_against_current": ("wind against the current", "m/s"),
 }
-# Parts into which a cell of a wind is cut along either axis where the current counts, too: currents
-# are known on closer nodes.
-_PARTS = 4
 
 
 def limited_fields(
-    grids: Mapping[str, CurrentGrid], limits: VesselLimits, flow: FlowAt
+    grids: Mapping[str, CurrentGrid], limits: VesselLimits
 ) -> tuple[LimitedField, ...]:
-    """Return the fields (by the keys of their limits) with the values that are held against these.
-
-    Wind against the current is the wind wherever the current's component against the direction it
-    blows to is strong enough, and 0 elsewhere.
-    """
+    """Return fields (by the keys of their limits) with the values that are held against these."""
     found = []
     for key in (name for name in _NAMES if name in grids):
-        grid = grids[key]
-        limit, against = getattr(limits, key), limits.wind_against_current
-        if key == "wind_against_current" and against is not None:
-            grid = _against(grid, against.current_m_s, flow)
-            # At its limit it is over it.
-            limit = float(np.nextafter(against.wind_m_s, 0.0))
+        grid, limit = grids[key], getattr(limits, key)
         size = np.hypot(grid.u, grid.v)
         found.append(LimitedField(*_NAMES[key], limit, grid.lon, grid.lat, grid.times_s, size))
     return tuple(found)
-
-
-def _against(wind: CurrentGrid, least_m_s: float, flow: FlowAt) -> CurrentGrid:
-    """Return a wind on closer nodes, which is 0 where the current runs less against it."""
-    from scipy.ndimage import zoom
-
-    lon, lat = (
-        np.interp(np.arange(_PARTS * (len(axis) - 1) + 1) / _PARTS, np.arange(len(axis)), axis)
-        for axis in (wind.lon, wind.lat)
-    )
-    lonlat = np.stack(np.meshgrid(lon, lat), axis=-1)
-    # Linear between the nodes, which stay.
-    factors = (1.0, len(lat) / len(wind.lat), len(lon) / len(wind.lon))
-    u, v = (zoom(part, factors, order=1, grid_mode=False) for part in (wind.u, wind.v))
-    set_to = np.stack([flow(lonlat, time) for time in wind.times_s.tolist()])
-    along = set_to[..., 0] * u + set_to[..., 1] * v
-    counts = -along >= least_m_s * np.hypot(u, v)
-    return replace(wind, lon=lon, lat=lat, u=np.where(counts, u, 0.0), v=np.where(counts, v, 0.0))
 
 
 def over_limits(
@@ -110,15 +74,6 @@ def over_limits(
                 yield OverLimit(cell, begin, end, field.name, most, field.unit)
         end = float(field.times_s[-1])
         yield OverLimit(shapely.Polygon(extent.exterior), end, name=field.name, unit=field.unit)
-
-
-def anchorage(limits: VesselLimits, land: Land, projection: Projection) -> BaseGeometry | None:
-    """Return the water (planar m) that is charted as shallow enough to anchor in; None without."""
-    most_m = limits.anchor_m or 0.0
-    areas = [one.area for one in land.depth_areas if one.greatest_m <= most_m]
-    if not areas:
-        return None
-    return shapely.union_all(projection.geometry_to_plane(np.array(areas, dtype=object)))
 
 
 def _joined(field: LimitedField) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -26,7 +26,6 @@ from pipeline.sources.land.shapes import extract_polygons, in_plane, repaired
 from pipeline.sources.land.vector import VectorFile
 from pipeline.sources.tide_stations import (
     Station,
-    level_notes,
     refuse_far_water,
     stations_of,
     tide_zones,
@@ -372,8 +371,7 @@ def tidal_depth(
 
     Areas are grown by the chart's margin, as land is. Where land parts them from every station, so
     that none is near by water, they are never deep enough. Raises RequestError if chart and
-    stations have different datums, some water has no station near it, or a departure lies outside
-    the hours of official levels.
+    stations have different datums or some water has no station near it.
     """
     if spec is None:
         return lambda _: None
@@ -384,9 +382,6 @@ def tidal_depth(
     shore = projection.geometry_to_plane(np.array(simplified.inner_polygons, dtype=object))
     zones, unknown = tide_zones(stations, extent, projection, extract_polygons(repaired(shore)[0]))
     outside = shapely.difference(extent, shapely.union_all([*zones, unknown]))
-    if any(station.series for station in stations):
-        # Official levels end at the coast of their model: what lies beyond is not known.
-        unknown, outside = shapely.union(unknown, outside), shapely.Polygon()
     given = np.array([one.area for one in land.tidal_water], dtype=object)
     grown = _grown(projection.geometry_to_plane(given), simplified, projection.scale)
     far = extract_polygons(shapely.intersection(grown, outside))
@@ -406,13 +401,6 @@ def tidal_depth(
     def on_clock(departure: datetime | None) -> renew.TidalDepth | None:
         if departure is None:
             return None
-        for name, hours in {station.name: station.hours for station in stations}.items():
-            if hours is not None and not hours[0] <= departure < hours[1]:
-                raise RequestError(
-                    f"tide.stations: {name} has levels from {moment_text(hours[0])} until "
-                    f"{moment_text(hours[1])}, and the departure is {moment_text(departure)}; "
-                    "depart in these hours, or give other levels"
-                )
         tides = [station.tide(departure) for station in stations]
         relied_on = {"surge": spec.surge_m, "lag": spec.lag_s}
         return renew.TidalDepth(areas, needs, [tides[at] for at in of], names=names, **relied_on)
@@ -434,7 +422,6 @@ def tide_notes(
         lag_min=tide.lag_s / 60,
         surge_m=tide.surge_m,
     )
-    yield from level_notes(stations, tide.surge_m)
     for case, depth in [(case, case.tidal_depth) for case, _ in planned if case.tidal_depth][:1]:
         for at in np.flatnonzero(np.asarray(depth.needs) == _NEVER_M)[:1]:
             place = shapely.get_coordinates(shapely.point_on_surface(depth.areas[at]))[0]

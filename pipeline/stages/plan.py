@@ -12,7 +12,7 @@ from pipeline.model import Case, CaseResult, Measures, SimplifiedLand
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.choose import Chosen
 from pipeline.stages.cover import havens_in
-from pipeline.stages.measure import clock_worth, gap_shares, measured
+from pipeline.stages.measure import measured
 from pipeline.stages.plan_case import OnStep, ignore_step, planned
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
@@ -22,7 +22,7 @@ from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
 class CaseTask:
     """The inputs and result paths to plan and measure one case of those in a file.
 
-    `owner` is the scenario's name. With `explains_gap` the optimality gap is split into its causes.
+    `owner` is the scenario's name.
     Under way the vessel turns off to one of the `havens` if no way leads on.
     """
 
@@ -32,7 +32,6 @@ class CaseTask:
     measures_path: Path
     options: PlannerOptions
     owner: str = ""
-    explains_gap: bool = False
     havens: tuple[renew.Haven, ...] = ()
 
     def result(self) -> CaseResult | None:
@@ -53,11 +52,7 @@ class CaseTask:
             save_artefact(self.plan_path, result, self.owner)
             # As read back it holds nothing of the search, whose roadmaps take most of the memory.
             result = load_artefact(self.plan_path, CaseResult) or result
-        shares = gap_shares(case, result, self.options) if self.explains_gap else None
-        worth = clock_worth(case, result, self.options)
-        measures = replace(
-            measured(case, result, self.options), gap_shares=shares, clock_worth=worth
-        )
+        measures = measured(case, result, self.options)
         save_artefact(self.measures_path, measures, self.owner)
         return replace(result, measures=measures)
 
@@ -100,10 +95,7 @@ def plan_cases(
         on_case(status)
 
     def work(task: CaseTask) -> str:
-        case = cases[task.case].copy()
-        if known := chosen.known.get(task.case):
-            case = replace(case, known=(known[0], case.areas, known[1]))
-        done[task.case] = task.planned(case, on_step)
+        done[task.case] = task.planned(cases[task.case].copy(), on_step)
         return done[task.case].failure
 
     if waiting:
@@ -141,7 +133,7 @@ def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -
 def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iterator[CaseTask]:
     """Yield a task for each case."""
     scenario, fetched = chosen.scenario, chosen.fetched
-    options, explains_gap = scenario.planner, scenario.outputs.explain_gap
+    options = scenario.planner
     scene = scene_inputs(scenario)
     havens: tuple[renew.Haven, ...] = ()
     if scenario.havens is not None and scenario.under_way is not None:
@@ -161,7 +153,7 @@ def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iter
             case.speeds,
             places,
         )
-        measures_key = artefact_key("evaluate", plan_key, fetched.land_key, explains_gap)
+        measures_key = artefact_key("evaluate", plan_key, fetched.land_key)
         yield CaseTask(
             case=case.name,
             cases_path=store.path("project", chosen.cases.key),
@@ -169,7 +161,6 @@ def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iter
             measures_path=store.path("evaluate", measures_key),
             options=options,
             owner=store.owner,
-            explains_gap=explains_gap,
             havens=havens,
         )
 

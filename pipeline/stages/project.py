@@ -39,7 +39,7 @@ from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages import places
 from pipeline.stages.lanes import kept_lanes
-from pipeline.stages.limits import FlowAt, anchorage, limited_fields, over_limits
+from pipeline.stages.limits import limited_fields, over_limits
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
@@ -121,7 +121,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
         else:
             current = planar_current(grid, water.projection, water.chart.bounds)
         grids_of = fetched.weather.get(season.name, {})
-        weather = limited_fields(grids_of, scenario.weather_limits, flow_of(water, current))
+        weather = limited_fields(grids_of, scenario.weather_limits)
         leeway = None
         if wind := grids_of.get("leeway"):
             share = scenario.weather_limits.leeway or 0.0
@@ -146,7 +146,6 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
                 ),
                 weather=weather,
                 leeway=leeway,
-                anchorage=anchorage(scenario.weather_limits, fetched.land, water.projection),
                 tidal_depth=tide(season.first_departure),
                 under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
                 speeds=SpeedChoice.of(season),
@@ -158,16 +157,6 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
     return tuple(cases)
 
 
-def flow_of(water: Water, current: Current) -> FlowAt:
-    """Return the current, east and north, at lon/lat and a time."""
-
-    def flow(lonlat: FloatArray, time: float) -> FloatArray:
-        points = water.projection.to_plane(lonlat)
-        return water.projection.rotate_to_lonlat(lonlat, current.velocity(points, time))
-
-    return flow
-
-
 def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Water:
     """Build the chart in the plane; errors are those of `project`."""
     if scenario.plane is not None:
@@ -175,7 +164,7 @@ def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Wate
     if scenario.region is None:
         raise ValueError("the region is chosen before")
     region = scenario.region.shape
-    projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
+    projection = Projection.for_region(region, scenario.scale)
     no_go, inner_land = (
         projection.geometry_to_plane(np.array(polygons, dtype=object))
         for polygons in (simplified.polygons, simplified.inner_polygons)

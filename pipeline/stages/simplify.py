@@ -64,7 +64,7 @@ def simplify(
             tolerance_m=chart.tolerance_m,
             turning_radius_m=planner_vessel(fastest).turning_radius * scenario.scale,
             endpoints=(*chain(*pairwise(scenario.stops.values())), *ends),
-            projection=Projection.for_region(region.shape, 1.0, region.crs),
+            projection=Projection.for_region(region.shape),
         )
 
     return store.artefact("simplify", SimplifiedLand, inputs, make)

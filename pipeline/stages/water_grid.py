@@ -93,12 +93,6 @@ class WaterGrid:
         """Return the bounds of an island, degrees."""
         return self.bounds_of(np.argwhere(self.islands == island))
 
-    def place_on(self, island: int) -> LonLat:
-        """Return the position (lon, lat), degrees, of an island's cell nearest to its middle."""
-        cells = np.argwhere(self.islands == island)
-        row, column = cells[np.abs(cells - cells.mean(axis=0)).sum(axis=1).argmin()]
-        return float(self.lon[column]), float(self.lat[row])
-
     @cached_property
     def _size(self) -> IndexArray:
         """Number of cells of each island."""

@@ -81,13 +81,11 @@ def go(
     max_wave: str = "",
     wind: Sequence[str | Path] = (),
     max_wind: str = "",
-    wait: str = "",
     members: str = "",
     name: str = "",
     output: Path = Path("outputs"),
     offline: bool = False,
     strict: bool = False,
-    explain_gap: bool = False,
     on_event: EventHandler | None = None,
 ) -> Outcome:
     """Plan a voyage and write its results to `output/<name>/`, as `renew go` does.
@@ -196,7 +194,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         notes += (
             "in still water no later departure needs less fuel: the vessel leaves at the first",
         )
-    return (scenario.explaining_gap() if request.explain_gap else scenario), notes
+    return scenario, notes
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:
@@ -246,7 +244,6 @@ def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
             wave_m=request.max_wave,
             wind=list(map(str, request.wind)),
             wind_m_s=request.max_wind,
-            wait=request.wait,
         ),
     )
 

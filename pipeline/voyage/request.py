@@ -63,7 +63,6 @@ class VoyageRequest:
     max_wave: Annotated[float | None, readers.dimension_m] = None
     wind: Annotated[tuple[Path, ...], each(readers.readable(_FIELDS))] = ()
     max_wind: Annotated[float | None, readers.above_0_m_s] = None
-    wait: Annotated[str, readers.read_interval] = ""
     clearance_m: Annotated[float | None, readers.read_clearance_m] = None
     padding: Annotated[str | float | None, readers.read_padding_m] = None
     shortfall: Annotated[str, readers.read_shortfall] = "least"
@@ -77,7 +76,6 @@ class VoyageRequest:
     datum: str = ""
     tide: Annotated[tuple[str, ...], each(readers.read_station)] = ()
     members: Annotated[dict[str, Any] | None, readers.read_members] = None
-    explain_gap: bool = False
     name: Annotated[str, readers.read_name] = ""
     output: Annotated[Path, read_folder] = Path("outputs")
     offline: bool = False
@@ -223,8 +221,6 @@ def _faults_of_files(
     for limit, file in (("max_wave", "waves"), ("max_wind", "wind")):
         if getattr(asked, limit) and not getattr(asked, file):
             yield f"{getattr(at, limit)} needs a forecast; add {getattr(at, file)} FILE"
-    if asked.wait and not (asked.waves or asked.wind):
-        yield f"{at.wait} waits for weather; add {at.waves} FILE or {at.wind} FILE"
     if asked.current_variables and not asked.currents:
         yield f"{at.current_variables} are those of files; add {at.currents} FILE"
     if asked.datum and not asked.charts and not asked.depths:

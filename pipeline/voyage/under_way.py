@@ -1,27 +1,7 @@
-"""Plan the voyage of a finished run again from where the vessel is, as a run of its own.
+"""Plan the voyage of a finished run again from where the vessel is, as a run of its own."""
 
-The vessel's last position is read from lines of NMEA 0183 (RMC) or JSON, however damaged. A
-recommended minimum sentence is
-
-    $GPRMC,hhmmss.ss,A,ddmm.mm,N,dddmm.mm,E,knots,course,ddmmyy,variation,E,mode,status*hh
-
-with status V, mode N or empty fields where there is no fix, and `hh` the exclusive or of all bytes
-between $ and *. RMC alone has date, time and position, so no other sentence is read, and one
-regular expression is enough. A library would parse a hundred kinds of sentences, which would all be
-dropped. And it would leave the difficult part to its caller: lines that are glued together, cut, or
-not text at all.
-"""
-
-import contextlib
-import json
-import os
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
-from functools import lru_cache, reduce
-from operator import xor
-from pathlib import Path
+from datetime import datetime, timedelta
 from typing import Any
 
 from pipeline.errors import RequestError
@@ -116,7 +96,7 @@ def _table(
     first = _ADDED.sub("", data["name"])
     start = data["start"]
     title = data.get("title") or first
-    return {key: one for key, one in data.items() if key != "published"} | {
+    return data | {
         "name": request.name or f"{first[:_NAME].rstrip('-_')}-at-{departure_name(request.time)}",
         "title": f"{title.partition(', planned again ')[0]}, planned again "
         f"{exact_moment_text(request.time)}",
@@ -135,140 +115,3 @@ def _endurance_left(endurance: str, left: datetime, now: datetime) -> str:
             f"departure, {exact_moment_text(left)}; check both"
         )
     return f"{minutes}min"
-
-
-# Longer lines are no positions: NMEA 0183 allows 82 characters, a report of gpsd needs about 500.
-_MAX_LINE = 4096
-# Length of a file's end in which its last position is looked for, bytes: some hours of a receiver.
-_TAIL = 1_000_000
-_SENTENCE = re.compile(rb"(..RMC,([^*]*))\*([0-9A-Fa-f]{2})")
-_FIELDS = re.compile(
-    rb"(\d\d)(\d\d)(\d\d(?:\.\d*)?),A,(\d\d)(\d\d(?:\.\d*)?),([NS]),(\d{3})(\d\d(?:\.\d*)?),([EW]),"
-    rb"[^,]*,[^,]*,(\d{6})(?:,.*)?"
-)
-# Place of the mode among the fields after RMC.
-_MODE = 11
-# The end of the last year that a date can have, s since 1970.
-_LAST = datetime(9999, 12, 31, tzinfo=UTC).timestamp()
-# The kind of gpsd's JSON that has a position.
-_GPSD = "TPV"
-# Least mode of such an object with a position.
-_GPSD_MODE = 2
-
-
-@dataclass(frozen=True, slots=True)
-class Fix:
-    """Where the vessel was: time (s since 1970, UTC), longitude and latitude (degrees)."""
-
-    time: float
-    lon: float
-    lat: float
-
-
-def last_fix(file: Path) -> Fix | None:
-    """Return the last position in a file that grows; None if none is near its end.
-
-    Raises OSError if the file can't be read.
-    """
-    with file.open("rb") as stream:
-        size = stream.seek(0, os.SEEK_END)
-        stream.seek(max(0, size - _TAIL))
-        lines = stream.read(_TAIL).split(b"\n")
-    # The first line may have been cut.
-    whole = lines[1:] if size > _TAIL else lines
-    fixes = [one for line in whole for one in positions(line)]
-    return fixes[-1] if fixes else None
-
-
-def positions(line: bytes) -> Iterator[Fix]:
-    """Yield the positions in a line: none, one or several."""
-    line = line.strip()
-    if len(line) > _MAX_LINE:
-        return
-    if line.startswith(b"{"):
-        yield from _of_json(line)
-        return
-    for sentence in line.split(b"$")[1:]:
-        if (fix := _of_sentence(sentence)) is not None:
-            yield fix
-
-
-def _of_sentence(sentence: bytes) -> Fix | None:
-    """Read a sentence without its $."""
-    found = _SENTENCE.fullmatch(sentence.rstrip())
-    if found is None or reduce(xor, found[1]) != int(found[3], 16):
-        return None
-    parts = _FIELDS.fullmatch(found[2])
-    has_fix = found[2].split(b",")[_MODE : _MODE + 1] != [b"N"]
-    return _of_fields(parts) if parts and has_fix else None
-
-
-def _of_fields(parts: re.Match[bytes]) -> Fix | None:
-    """Read the fields of a sentence with a position."""
-    hour, minute, second, lat_deg, lat_min, north, lon_deg, lon_min, east, date = parts.groups()
-    midnight = _midnight(date)
-    # The last second of a day may be a leap second.
-    if midnight is None or int(hour) > 23 or int(minute) > 59 or float(second) >= 61:
-        return None
-    if max(float(lat_min), float(lon_min)) >= 60:
-        return None
-    lat = (int(lat_deg) + float(lat_min) / 60) * (1 if north == b"N" else -1)
-    lon = (int(lon_deg) + float(lon_min) / 60) * (1 if east == b"E" else -1)
-    return _checked(midnight + int(hour) * 3600 + int(minute) * 60 + float(second), lon, lat)
-
-
-@lru_cache(maxsize=8)
-def _midnight(date: bytes) -> float | None:
-    """Return the begin of a day ddmmyy, s since 1970; years are those of this century."""
-    try:
-        return datetime(2000 + int(date[4:]), int(date[2:4]), int(date[:2]), tzinfo=UTC).timestamp()
-    except ValueError:
-        return None
-
-
-def _checked(time: float, lon: float, lat: float) -> Fix | None:
-    """Return a position; None if its time, latitude or longitude is impossible."""
-    is_one = 0 <= time < _LAST and abs(lat) <= 90 and abs(lon) <= 180
-    return Fix(time, lon, lat) if is_one else None
-
-
-def _of_json(line: bytes) -> Iterator[Fix]:
-    """Read a line that begins with an object of JSON; more objects may follow on the line."""
-    with contextlib.suppress(ValueError, RecursionError):
-        rest = line.decode()
-        while rest.startswith("{"):
-            found, end = json.JSONDecoder().raw_decode(rest)
-            if (fix := _of_object(found)) is not None:
-                yield fix
-            rest = rest[end:].strip()
-        yield from positions(rest.encode())
-
-
-def _of_object(found: dict[str, object]) -> Fix | None:
-    """Read time, lon and lat; of gpsd's objects only those with a position."""
-    mode = found.get("mode", _GPSD_MODE)
-    if found.get("class", _GPSD) != _GPSD or (isinstance(mode, int) and mode < _GPSD_MODE):
-        return None
-    time, lon, lat = map(_number, (_seconds(found.get("time")), found.get("lon"), found.get("lat")))
-    return None if time is None or lon is None or lat is None else _checked(time, lon, lat)
-
-
-def _number(value: object) -> float | None:
-    """Return a number; None for a number beyond a float's range, a truth value and all else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return None
-
-
-def _seconds(time: object) -> object:
-    """Return a time with its zone in s since 1970; anything else as it is."""
-    if not isinstance(time, str):
-        return time
-    try:
-        read = datetime.fromisoformat(time)
-        return None if read.tzinfo is None else read.timestamp()
-    except (ValueError, OverflowError):
-        return None

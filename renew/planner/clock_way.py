@@ -1,14 +1,13 @@
-"""Find the way that arrives first past water that opens and shuts, where the vessel may wait.
+"""Find the way that arrives first past water that opens and shuts, without a wait.
 
 A place is shut to a vessel that is there on time, if it is shut while she, early or late, or a turn
 that she begins there, may be in it. Between two such spells the place is open, and of all arrivals
-in an open spell only the first counts: whoever comes later could as well have come then, and
-waited. So a search has one label for each place and each of its open spells, its first arrival
-there. This is safe interval path planning (Phillips & Likhachev, 2011), on the roadmap on which
-classes are found.
+in an open spell only the first counts. So a search has one label for each place and each of its
+open spells, its first arrival there. This is safe interval path planning (Phillips & Likhachev,
+2011), on the roadmap on which classes are found.
 
-The way is a guide alone: it says past which water to wait, and at which hours. What is shut when
-the way passes beside it is closed like land, and the voyage is planned there as any other.
+The way is a guide alone: it says past which water to go, and at which hours. What is shut when the
+way passes beside it is closed like land, and the voyage is planned there as any other.
 """
 
 import heapq
@@ -18,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
@@ -27,7 +25,6 @@ from renew.classes.roadmap import GOAL, START, Resolution, Roadmap
 from renew.errors import UnreachableError
 from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.openings import Opening
-from renew.kernels.current_table import velocities
 from renew.kernels.viterbi import Stream, leg_time
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem
@@ -46,50 +43,19 @@ _EVER = 1e9
 _HORIZON = 30 * 86_400.0
 # Largest number of times that a leg begins later, until all of it is open.
 _TRIES = 12
-# Times (s) that are one, but for rounding.
-_SAME = 1e-3
-# Shortest wait (s) that is one: the time that is lost at a corner of the roadmap is none.
-_SHORTEST = 60.0
-# Ratio of costs from which a vessel waits at a later place.
-_CHEAPER = 1.01
 
 
 class TimedWay(NamedTuple):
-    """A way: its points (n, 2), m; when the vessel comes to each, and when it leaves it (n,), s.
-
-    Each is open `until` (n,), s; a second's wait there has `costs` (n,), fuel units.
-    """
+    """A way: its points (n, 2), m, and when the vessel passes each (n,), s."""
 
     points: FloatArray
-    arrive: FloatArray
-    leave: FloatArray
-    until: FloatArray
-    costs: FloatArray
-
-    @classmethod
-    def along(cls, path: FloatArray, times: FloatArray) -> "TimedWay":
-        """Return the way along a path (n, 2), m, passed at times (n,), s."""
-        return cls(path, times, times, times, times)
-
-    @property
-    def waits(self) -> IntArray:
-        """The points (w,) at which the vessel waits, its start among them."""
-        return np.flatnonzero(self.leave - self.arrive >= _SHORTEST)
+    times: FloatArray
 
     def tube(self, chart: Chart) -> shapely.Geometry:
         """Return the water close to the way, a few cells of the roadmap to either side."""
         xmin, ymin, xmax, ymax = chart.bounds
         cell = math.sqrt((xmax - xmin) * (ymax - ymin) / _RESOLUTION.cells)
         return shapely.buffer(shapely.LineString(self.points), _TUBE * cell)
-
-    def part(self, first: int, last: int) -> "TimedWay":
-        """Return the part from one point to another, from leaving the first on."""
-        of = slice(first, last + 1)
-        arrive = self.arrive[of].copy()
-        arrive[0] = self.leave[first]
-        leave = self.leave[of].copy()
-        leave[-1] = arrive[-1]
-        return TimedWay(self.points[of], arrive, leave, self.until[of], self.costs[of])
 
     def passing(self, areas: Sequence[Opening], voyage: Voyage) -> frozenset[Opening]:
         """Return the areas that are shut when the way passes beside them, early or late."""
@@ -101,44 +67,27 @@ class TimedWay(NamedTuple):
         )
         middles = shapely.centroid(np.array([area.polygon for area in areas], dtype=object))
         place = shapely.line_locate_point(line, middles)
-        begin, _ = voyage.early_and_late(np.interp(place, along, self.arrive))
-        _, end = voyage.early_and_late(np.interp(place, along, self.leave))
+        begin, end = voyage.early_and_late(np.interp(place, along, self.times))
         end = end + voyage.vessel.turn_period
         hours = zip(areas, begin.tolist(), end.tolist(), strict=True)
         return frozenset(area for area, *each in hours if area.is_shut_within(*each))
 
 
-def clock_way(
-    planner: ClassPlanner,
-    areas: Sequence[Opening],
-    longest: float,
-    anchorage: BaseGeometry | None = None,
-) -> TimedWay | None:
-    """Return the way that arrives first, with waits of up to `longest` (s) each; None without one.
-
-    It begins at the departure of the planner's problem, and waits as late as it can. At its start,
-    as in a harbour, the vessel may wait whether that is shut or not; elsewhere only where its water
-    stays open, and no current is as strong as the vessel, or in the anchorage.
-    """
+def clock_way(planner: ClassPlanner, areas: Sequence[Opening]) -> TimedWay | None:
+    """Return the way that arrives first from the departure of the planner's problem, or None."""
     voyage, parts = planner.problem.voyage, list[TimedWay]()
     departure = voyage.departure
     for at in range(len(voyage.stops) - 1):
         part = planner.problem.with_voyage(voyage.part(at, departure))
-        way = _part_way(part, planner, areas, longest, anchorage)
+        way = _part_way(part, planner, areas)
         if way is None:
             return None
         parts.append(way)
-        departure = float(way.arrive[-1])
+        departure = float(way.times[-1])
     return TimedWay(*(np.concatenate(of) for of in zip(*parts, strict=True)))
 
 
-def _part_way(
-    problem: Problem,
-    planner: ClassPlanner,
-    areas: Sequence[Opening],
-    longest: float,
-    anchorage: BaseGeometry | None,
-) -> TimedWay | None:
+def _part_way(problem: Problem, planner: ClassPlanner, areas: Sequence[Opening]) -> TimedWay | None:
     """Return the way of a voyage without via points."""
     voyage = problem.voyage
     try:
@@ -147,62 +96,14 @@ def _part_way(
         return None
     hours = _shut_hours(problem, planner, areas, graph.points)
     water = Stream(voyage.table, voyage.polar, voyage.clock)
-    costs = holding(voyage, graph.points, anchorage)
-    if not voyage.before:
-        costs[START] = 0.0
-    waits = np.where(np.isfinite(costs), longest, 0.0)
-    labels, last = _first_arrivals(graph, hours, water, time_to_go(graph), waits)
+    labels, last = _first_arrivals(graph, hours, water, time_to_go(graph))
     if last < 0:
         return None
     chain = [last]
     while labels.came_from[chain[-1]] >= 0:
         chain.append(int(labels.came_from[chain[-1]]))
     order = np.array(chain[::-1])
-    points = graph.points[labels.node[order]]
-    arrive = labels.arrival[order]
-    leave = np.append(labels.left[order[1:]], arrive[-1])
-    arrive[0] = voyage.departure
-    return TimedWay(points, arrive, leave, labels.until[order], costs[labels.node[order]])
-
-
-def waiting_early(way: TimedWay, voyage: Voyage) -> TimedWay:
-    """Return a way that waits where that is cheapest, and there as early as it can.
-
-    The search lets it wait where it would meet shut water next. At the start it costs nothing.
-    """
-    points, leave, arrive, until = way.points, way.leave.copy(), way.arrive.copy(), way.until
-    water = Stream(voyage.table, voyage.polar, voyage.clock)
-    for at in range(len(points) - 2, -1, -1):
-        (ax, ay), (bx, by) = points[at], points[at + 1]
-        later = min(leave[at + 1] - leg_time(ax, ay, bx, by, leave[at], water), until[at])
-        if later > leave[at]:
-            late = later + leg_time(ax, ay, bx, by, later, water)
-            leave[at] = max(leave[at], later - max(0.0, late - leave[at + 1]))
-    # A place up to the next one at which it has to wait may be cheaper.
-    last = np.append(np.flatnonzero(way.leave > way.arrive), len(points) - 1)
-    for at in range(len(points) - 1):
-        ahead = way.costs[at + 1 : last[np.searchsorted(last, at)] + 1]
-        if way.costs[at] > _CHEAPER * ahead.min(initial=math.inf):
-            leave[at] = arrive[at]
-        (ax, ay), (bx, by) = points[at], points[at + 1]
-        arrive[at + 1] = leave[at] + leg_time(ax, ay, bx, by, leave[at], water)
-    return way._replace(arrive=np.minimum(arrive, leave), leave=leave)
-
-
-def holding(voyage: Voyage, points: FloatArray, anchorage: BaseGeometry | None) -> FloatArray:
-    """Return the fuel a second (n,) that a vessel takes to stay at points (n, 2), m.
-
-    It is infinite where a current is as strong as the vessel, unless it can anchor there.
-    """
-    table = voyage.table
-    speeds = np.linalg.norm(
-        [velocities(table, points, np.full(len(points), time)) for time in table.times], axis=2
-    )
-    costs = voyage.vessel.rates(np.minimum(speeds, voyage.vessel.speed)).mean(axis=0)
-    costs[speeds.max(axis=0) >= voyage.vessel.speed] = math.inf
-    if anchorage is not None:
-        costs[shapely.intersects_xy(anchorage, points)] = voyage.vessel.rates(0.0)
-    return np.asarray(costs)
+    return TimedWay(graph.points[labels.node[order]], labels.arrival[order])
 
 
 class _ShutHours(NamedTuple):
@@ -285,14 +186,13 @@ def _joined(
 class _Labels(NamedTuple):
     """Labels (m,): the node of each, its first arrival and until when it is open, s.
 
-    `came_from` is the label before, and `left` when the vessel left its node, s.
+    `came_from` is the label before.
     """
 
     node: IntArray
     arrival: FloatArray
     until: FloatArray
     came_from: IntArray
-    left: FloatArray
 
 
 class _Ways(NamedTuple):
@@ -307,7 +207,6 @@ class _Ways(NamedTuple):
     water: Stream
     labels: _Labels
     since: FloatArray
-    under_way: FloatArray
     is_done: BoolArray
 
 
@@ -331,8 +230,8 @@ def _open_from(shut: _ShutHours, x: float, y: float, time: float) -> float:
 
 
 @kernel
-def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray, FloatArray]:
-    """Return a label for each open spell of each node, since when it is open, and time under way.
+def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray]:
+    """Return a label for each open spell of each node, and since when it is open.
 
     The spells of a node are first[node] to first[node + 1]; nothing is reached yet.
     """
@@ -342,9 +241,8 @@ def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray,
         np.full(count, np.inf),
         np.full(count, np.inf),
         np.full(count, -1, dtype=np.int64),
-        np.full(count, np.inf),
     )
-    since, under_way = np.full(count, -np.inf), np.full(count, np.inf)
+    since = np.full(count, -np.inf)
     for node in range(len(first) - 1):
         spell = shut.first[node]
         for k in range(first[node], first[node + 1]):
@@ -354,7 +252,7 @@ def _new_labels(shut: _ShutHours, first: IntArray) -> tuple[_Labels, FloatArray,
             if k < first[node + 1] - 1:
                 labels.until[k] = shut.begin[spell]
             spell += 1
-    return labels, since, under_way
+    return labels, since
 
 
 @kernel
@@ -363,25 +261,18 @@ def _first_arrivals(
     hours: tuple[_ShutHours, _ShutHours],
     water: Stream,
     to_go: FloatArray,
-    waits: FloatArray,
 ) -> tuple[_Labels, int]:
-    """Return the labels of a search, and the goal's label that is reached first; -1 for none.
-
-    The vessel waits at a node for at most `waits` (n,), s.
-
-    Of two ways that come to a place as early, the one with less time under way counts: the other
-    would meander where it could wait.
-    """
+    """Return the labels of a search, and the goal's label that is reached first; -1 for none."""
     nodes, departure = len(graph.points), water.clock.departure
     shut, between = hours
     # A node has an open spell more than spells in which it is shut.
     first = shut.first + np.arange(nodes + 1)
-    labels, since, under_way = _new_labels(shut, first)
+    labels, since = _new_labels(shut, first)
     queue = [(np.inf, -1)]
     for k in range(first[START], first[START + 1]):
         begin = max(departure, since[k])
-        if labels.until[k] >= begin and begin - departure <= waits[START]:
-            labels.arrival[k], under_way[k] = begin, 0.0
+        if labels.until[k] >= begin and begin <= departure:
+            labels.arrival[k] = begin
             heapq.heappush(queue, (begin + to_go[START], k))
     is_done = np.zeros(len(since), dtype=np.bool_)
     while len(queue) > 1:
@@ -392,16 +283,14 @@ def _first_arrivals(
         node = labels.node[k]
         if node == GOAL:
             return labels, k
-        ways = _Ways(graph, first, between, water, labels, since, under_way, is_done)
-        _go_on(ways, k, waits[node], to_go, queue)
+        ways = _Ways(graph, first, between, water, labels, since, is_done)
+        _go_on(ways, k, to_go, queue)
     return labels, -1
 
 
 @kernel
-def _go_on(
-    ways: _Ways, k: int, longest: float, to_go: FloatArray, queue: list[tuple[float, int]]
-) -> None:
-    """Follow all legs from a label, begun after a wait of up to `longest` (s) at its node."""
+def _go_on(ways: _Ways, k: int, to_go: FloatArray, queue: list[tuple[float, int]]) -> None:
+    """Follow all legs from a label that can be begun at once."""
     graph, labels = ways.graph, ways.labels
     node, now = labels.node[k], labels.arrival[k]
     for leg in range(graph.first[node], graph.first[node + 1]):
@@ -412,16 +301,10 @@ def _go_on(
             leave, arrival = _over(
                 graph, (node, other), (now, ways.since[q]), ways.shut, ways.water
             )
-            if leave > labels.until[k] or leave - now > longest:
+            if leave > now:
                 break
-            sailed = ways.under_way[k] + arrival - leave
-            is_earlier = arrival < labels.arrival[q] - _SAME
-            is_same = arrival <= labels.arrival[q] + _SAME
-            if arrival <= labels.until[q] and (
-                is_earlier or (is_same and sailed < ways.under_way[q])
-            ):
-                labels.arrival[q], labels.came_from[q], labels.left[q] = arrival, k, leave
-                ways.under_way[q] = sailed
+            if arrival <= labels.until[q] and arrival < labels.arrival[q]:
+                labels.arrival[q], labels.came_from[q] = arrival, k
                 heapq.heappush(queue, (arrival + to_go[other], q))
 
 

@@ -134,8 +134,8 @@ def _new_planner(request: Request, closed: Collection[Opening], most: float | No
     return ClassPlanner(problem.falling_short() if request.falls_short else problem)
 
 
-def check_start_open(request: Request, departure: float, longest: float = 0.0) -> None:
-    """Refuse a start that areas shut for longer than a wait may last (s), from a departure (s)."""
+def check_start_open(request: Request, departure: float) -> None:
+    """Refuse a start that areas shut at a departure (s)."""
     place, opens, shut = request.stops[0], departure, list[Opening]()
     stays = request.options.min_lateness + request.vessel.turn_period
     polygons = np.array([area.polygon for area in request.areas], dtype=object)
@@ -146,12 +146,11 @@ def check_start_open(request: Request, departure: float, longest: float = 0.0) -
         if begin < opens + stays and end > opens:
             opens = end
             shut.append(request.areas[at])
-    if opens <= departure + longest:
+    if opens <= departure:
         return
     remedy = "It does not open again: move it"
     if opens < math.inf:
-        wait = f", or let the vessel wait{' longer' if longest else ''} (--wait, [limits])"
-        remedy = "Depart after {2}" + wait * any(isinstance(area, OverLimit) for area in shut)
+        remedy = "Depart after {2}"
     named = _named(shut, departure)
     opening = [Moment(opens)] * (opens < math.inf)
     raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, *opening)
@@ -216,32 +215,6 @@ def _near(
     return leg[at], which
 
 
-def first_clear(
-    route: Route, areas: Sequence[Opening], planner: ClassPlanner, delays: FloatArray
-) -> float | None:
-    """Return the first of some delays (s) with which a route meets no shut area, or None."""
-    voyage, passages = planner.problem.voyage, list[tuple[Opening, FloatArray, FloatArray]]()
-    for points, passed in _lines(route, voyage.vessel):
-        leg, which = _near(points, areas, planner)
-        order = np.argsort(which, kind="stable")
-        legs = np.split(leg[order], np.flatnonzero(np.diff(which[order])) + 1)
-        for at, near in zip(np.unique(which).tolist(), legs, strict=False):
-            passages.append((areas[at], passed[near], passed[near + 1]))
-    for delay in delays.tolist():
-        later = voyage.leaving(float(route.times[0]) + delay)
-        moved = later.arrivals(route.path) - route.times
-        if not np.isfinite(moved).all():
-            return None
-        for area, first, last in passages:
-            early, _ = later.early_and_late(first + np.interp(first, route.times, moved))
-            _, late = later.early_and_late(last + np.interp(last, route.times, moved))
-            if area.is_shut(early, late + voyage.vessel.turn_period).any():
-                break
-        else:
-            return float(delay)
-    return None
-
-
 def shut_on_the_way(
     request: Request, departure: float, met: Collection[Opening]
 ) -> frozenset[Opening]:
@@ -250,7 +223,7 @@ def shut_on_the_way(
         return frozenset()
     planner = planner_of(request)
     planner = planner.for_problem(planner.problem.leaving(departure))
-    way = clock_way(planner, request.areas, 0.0)
+    way = clock_way(planner, request.areas)
     return frozenset() if way is None else way.passing(request.areas, planner.problem.voyage)
 
 
@@ -275,8 +248,8 @@ def _plan_past_weather(request: Request) -> Plan | None:
         return None
     planner = planner_of(request)
     if is_hindered(request):
-        way = clock_way(planner, request.areas, 0.0)
-        beside = None if way is None else plan_beside(request, way, np.zeros(1))
+        way = clock_way(planner, request.areas)
+        beside = None if way is None else plan_beside(request, way)
         if beside is not None:
             return _with_other_classes(beside, request)
     plan = plan_classes(planner, planner.options.classes)
@@ -307,30 +280,28 @@ _ROUNDS = 5
 _GAIN = 1.0
 
 
-def plan_beside(request: Request, way: TimedWay, delays: FloatArray) -> Plan | None:
+def plan_beside(request: Request, way: TimedWay) -> Plan | None:
     """Plan beside a way that leads past areas with hours; None without a route.
 
     Where the plan arrives later than the way, it is made again in the water close to the way alone:
     a path that leaves the way is elsewhere at other hours.
     """
-    found = _plan_along(request, way, delays)
-    if found is not None and found.best.times[-1] <= way.arrive[-1]:
+    found = _plan_along(request, way)
+    if found is not None and found.best.times[-1] <= way.times[-1]:
         return found
     outside = request.chart.extent.difference(way.tube(request.chart))
     polygons = [part for part in shapely.get_parts(outside) if isinstance(part, Polygon)]
     chart = request.chart.without(polygons, is_land=False)
-    close = _plan_along(replace(request, chart=chart, like=None), way, delays)
+    close = _plan_along(replace(request, chart=chart, like=None), way)
     if close is None or (found is not None and found.best.times[-1] <= close.best.times[-1]):
         return found
     return close
 
 
-def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | None:
+def _plan_along(request: Request, way: TimedWay) -> Plan | None:
     """Plan with the areas closed that are shut when a way passes beside them; None without a route.
 
-    The path is a little shorter than the way, and would come too early where an area opens: the
-    departure is the request's after the first of some `delays` (s) with which it meets no area. The
-    route found is then taken as the way, as it passes at better known hours.
+    The route found is then taken as the way, as it passes at better known hours.
     """
     best: Plan | None = None
     closed = way.passing(request.areas, planner_of(request).problem.voyage)
@@ -345,17 +316,10 @@ def _plan_along(request: Request, way: TimedWay, delays: FloatArray) -> Plan | N
         if not plan.routes:
             break
         others = [area for area in request.areas if area not in closed]
-        latest = math.inf if best is None else best.best.times[-1] - _GAIN
-        later = first_clear(plan.best, others, planner, delays)
-        if later is not None and later > 0 and plan.best.times[-1] + later < latest:
-            leaving = planner.problem.leaving(planner.problem.voyage.departure + later)
-            at = planner.for_problem(leaving)
-            delayed, _ = without_meeting(plan_classes(at, 1), others, at)
-            best = _earlier(best, delayed, closed, request)
         kept, met = without_meeting(plan, others, planner)
         best = _earlier(best, kept, closed, request)
         if kept.routes and kept.best.times[-1] <= plan.best.times[-1] + _GAIN:
-            way = TimedWay.along(kept.best.path, kept.best.times)
+            way = TimedWay(kept.best.path, kept.best.times)
             closed = way.passing(request.areas, planner.problem.voyage)
         else:
             closed |= frozenset(met)
@@ -456,9 +420,9 @@ def unavoidable(
     if failure is not None and not isinstance(failure, (StartInNoGoError, GoalInNoGoError)):
         around = Text("; around them: {0}", ((causes[0] if causes else failure).text,))
     is_weather = any(isinstance(area, OverLimit) for area in closed)
-    otherwise = "the vessel wait (--wait, [limits])" if is_weather else "the area be entered"
+    otherwise = "" if is_weather else ", or let the area be entered"
     return UnreachableError(
-        "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
+        "every way may meet {0}{1}. Depart at another time, so as to pass before or after"
         f"{otherwise}",
         _named(closed, departure),
         around,

@@ -259,7 +259,9 @@ def largest_between(
     for island in inner[:_TRIED]:
         ways = grid.shortest_paths(first, last, island)
         if len(ways) > 1 and ways[-1][0] <= longest:
-            return np.array(grid.place_on(island))
+            cells = np.argwhere(grid.islands == island)
+            row, column = cells[np.abs(cells - cells.mean(axis=0)).sum(axis=1).argmin()]
+            return np.array([grid.lon[column], grid.lat[row]])
     return None
 
 

@@ -124,7 +124,7 @@ def _cases_of(scenario: Scenario, fetched: Fetched) -> tuple[Case, ...]:
         margin_m=scenario.chart.margin_m,
         accuracy_m=fetched.land.accuracy_m,
         endpoints=(scenario.start, scenario.goal),
-        projection=Projection.for_region(region.shape, 1.0, region.crs),
+        projection=Projection.for_region(region.shape),
     )
     return project(scenario, fetched, simplified)
 

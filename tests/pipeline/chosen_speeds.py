@@ -53,7 +53,6 @@ def run() -> RunResult:
         vessel={"length_m": 4.0, "speed_m_s": 1.5, "turn_rate_deg_s": 4.0},
         seasons=[{"name": "chosen", **own, **chosen}, {"name": "own", **own}],
         planner={"classes": 2, "clearance": 100.0, "drift": "crab"},
-        published=None,
     )
     grids = tuple(stream(season.name) for season in asked.seasons)
     got = Fetched(Land((ISLAND,), (small_run.LAND,), 60.0), grids)

@@ -18,14 +18,13 @@ from pipeline.scenario.model import Scenario
 
 @contextlib.contextmanager
 def plain_pages() -> Iterator[None]:
-    """Write the report and the passage plan without their figures, which take most of the time."""
+    """Write the report without its figures, which take most of the time."""
 
     def write_text(result: RunResult, path: Path) -> None:
         path.write_text(result.scenario.name)
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("pipeline.formats.report.page.write_report", write_text)
-        patched.setattr("pipeline.formats.passage_plan.write_passage_plan", write_text)
         yield
 
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from pathlib import Path
 
-import eccodes
-
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
-from tests.commands import ran
 from tests.pipeline.small_region import with_stand_in
 
 DATE = "2020-06-17"
@@ -23,13 +19,6 @@ def said(path: Path) -> str:
     if path.suffix == ".gpkg":
         with sqlite3.connect(path) as opened:
             return "\n".join(map(str, opened.execute("select current from routes")))
-    if path.suffix == ".grb":
-        with path.open("rb") as file:
-            handle = eccodes.codes_grib_new_from_file(file)
-        day = str(eccodes.codes_get(handle, "dataDate"))
-        return f"{day[:4]}-{day[4:6]}-{day[6:]}"
-    if path.suffix == ".pdf":
-        return ran("pdftotext", "-layout", str(path), "-") if shutil.which("pdftotext") else DATE
     return path.read_bytes().decode("utf-8", "replace")
 
 
@@ -38,12 +27,12 @@ def test_every_output_names_the_current_and_its_date(tmp_path: Path, across_outp
     file.write_text(with_stand_in("said"), encoding="utf-8")
     outcome = run(load_scenario(str(file)), across_outputs, offline=True)
     paths = [path for path in outcome.directory.iterdir() if path.suffix not in WITHOUT_TEXT]
-    assert {".csv", ".gpx", ".gpkg", ".grb", ".html", ".json", ".kml", ".nc", ".rtz"} <= {
+    assert {".csv", ".gpx", ".gpkg", ".html", ".json", ".nc", ".rtz"} <= {
         path.suffix for path in paths
     }
     silent = [path.name for path in paths if DATE not in said(path)]
     assert silent == ["scenario.toml"], "it asks for currents, and answers nothing"
     # That it stands in for another is said by all that name their sources in words.
     for path in paths:
-        if path.suffix in {".csv", ".gpx", ".html", ".kml", ".rtz"}:
+        if path.suffix in {".csv", ".gpx", ".html", ".rtz"}:
             assert "Embedded" in said(path), path.name

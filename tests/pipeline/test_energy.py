@@ -13,9 +13,10 @@ import pytest
 
 from pipeline.cli.answer import answer
 from pipeline.errors import RequestError
+from pipeline.findings.haven_rows import haven_rows
 from pipeline.findings.note_words import note_texts
 from pipeline.formats.passage.waypoints import case_waypoints, point_text
-from pipeline.formats.tables import haven_facts, leg_headings, printed_rows, rows
+from pipeline.formats.tables import haven_facts, haven_texts, leg_headings, rows
 from pipeline.model import planner_vessel
 from pipeline.run import Outcome, run
 from pipeline.scenario import catalogue
@@ -77,7 +78,7 @@ def test_each_waypoint_says_what_is_left(outcome: Outcome) -> None:
     points = case_waypoints(outcome.result.case("calm"))[0]
     left = 1200 - WATTS * points.time_s / 3600
     assert points.left == pytest.approx(left)
-    assert leg_headings(points)["left"] == "Left\nWh"
+    assert leg_headings(points)["left"] == "Left, Wh"
     table = rows(points, tidal_run.DEPARTURE)
     assert [row["left"] for row in table] == [f"{math.floor(one):,}" for one in left]
     assert point_text(points, 0).endswith("; 1,200 Wh left")
@@ -89,7 +90,8 @@ def test_havens_count_on_the_battery(tmp_path: Path) -> None:
     asked = scenario(tmp_path, {}, battery_wh=1500.0, reserve=0.2)
     case = run(asked, tmp_path / "outputs", offline=True).result.case("calm")
     assert "with what is on board" in haven_facts(case)[0]
-    assert any(row.get("fuel", "").endswith("Wh") for row in printed_rows(case))
+    said = [haven_texts(row, case) for row in haven_rows(case)]
+    assert any(row.get("fuel", "").endswith("Wh") for row in said)
     asked = scenario(tmp_path, {"endurance": f"{60 * 1200 // WATTS}min"}, battery_wh=9e3)
     given = run(asked, tmp_path / "outputs", offline=True).result.case("calm")
     assert case.coverage is not None

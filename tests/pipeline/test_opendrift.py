@@ -43,7 +43,7 @@ def test_vessels_adrift_come_to_the_places_of_opendrift(tmp_path: Path, changes:
     seas = [sea(lon, lat, seed=7 + step * changes, speed_m_s=0.5) for step in range(len(times))]
     u, v = (np.array([getattr(one, name) for one in seas]) for name in ("u", "v"))
     grid = CurrentGrid("one", lon, lat, u, v, "", Credit("test", "current", "", ""), times_s=times)
-    projection = Projection.for_region(REGION, 1.0, None)
+    projection = Projection.for_region(REGION)
     land = projection.geometry_to_plane(
         np.array([shapely.segmentize(one, 0.01) for one in LAND], dtype=object)
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 
@@ -11,7 +10,6 @@ import shapely
 
 from pipeline.findings.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, SimplifiedLand
-from pipeline.stages.measure import clock_worth
 from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
 from tests.pipeline.formats import small_run
@@ -56,15 +54,12 @@ def run(grid: CurrentGrid, islands: tuple[shapely.Polygon, ...] = (ISLAND,)) -> 
             }
         ],
         planner={"classes": 2, "clearance": 100.0, "drift": "crab"},
-        published=None,
     )
     got = Fetched(Land(islands, (small_run.LAND,), 60.0), (grid,))
     no_go = tuple(island.buffer(0.0005) for island in islands)
     simplified = SimplifiedLand(no_go, islands, 0, 0, 0.0, 0.0)
     (case,) = project(asked, got, simplified)
     found = plan_case(case, asked.planner)
-    worth = clock_worth(case, found, asked.planner)
-    found = replace(found, measures=replace(found.measures, clock_worth=worth))
     return RunResult(asked, got, simplified, case.water, {"tide": case}, (found,), {}, DEPARTURE)
 
 

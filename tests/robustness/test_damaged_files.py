@@ -116,7 +116,7 @@ def _more_charts(folder: Path) -> dict[str, Path]:
 
 
 def _depths(folder: Path) -> dict[str, Path]:
-    """Write grids of depths: NetCDF of both kinds, and a GeoTIFF."""
+    """Write grids of depths: NetCDF of both kinds."""
     lon, lat = np.arange(118.0, 120.0, 0.05), np.arange(9.0, 11.0, 0.05)
     inside = shapely.contains_xy(ISLAND, *np.meshgrid(lon, lat))
     found = {}
@@ -125,36 +125,7 @@ def _depths(folder: Path) -> dict[str, Path]:
         heights = np.where(inside, 20, -50).astype("i2")
         data = depth_grids.dataset(lon, lat, heights, "elevation", units="m")
         data.to_netcdf(found[kind], format=form)  # type: ignore[call-overload]
-    found["geotiff"] = folder / "depths.tif"
-    found["geotiff"].write_bytes(_geotiff(lon, lat, np.where(inside, 20.0, -50.0)))
     return found
-
-
-def _geotiff(lon: Any, lat: Any, values: Any) -> bytes:  # noqa: ANN401 - arrays
-    """Write a grid as an uncompressed GeoTIFF in degrees of WGS 84."""
-    rows: bytes = np.flipud(values).astype("<f4").tobytes()
-    step = float(lon[1] - lon[0])
-    doubles = struct.pack("<3d", step, step, 0.0)
-    doubles += struct.pack("<6d", 0, 0, 0, float(lon[0]), float(lat[-1]), 0)
-    keys = struct.pack("<16H", 1, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326)
-    tags = [
-        (256, 4, 1, lon.size),
-        (257, 4, 1, lat.size),
-        (258, 3, 1, 32),
-        (259, 3, 1, 1),
-        (262, 3, 1, 1),
-        (273, 4, 1, 400),
-        (277, 3, 1, 1),
-        (278, 4, 1, lat.size),
-        (279, 4, 1, len(rows)),
-        (339, 3, 1, 3),
-        (33550, 12, 3, 200),
-        (33922, 12, 6, 224),
-        (34735, 3, 16, 300),
-    ]
-    head = b"II*\0" + struct.pack("<IH", 8, len(tags))
-    head += b"".join(struct.pack("<HHII", *tag) for tag in tags) + struct.pack("<I", 0)
-    return (head.ljust(200, b"\0") + doubles).ljust(300, b"\0") + keys.ljust(100, b"\0") + rows
 
 
 def change_zarr(file: Path, rng: random.Random) -> None:
@@ -246,7 +217,7 @@ _CHANGES: dict[str, tuple[Callable[[Path, random.Random], None], ...]] = {
     ),
     **dict.fromkeys(("netcdf3-plain", "netcdf3-data", "depths-classic"), MUTATIONS["netcdf3"]),
     "depths": MUTATIONS["netcdf4"][:-2],
-    **dict.fromkeys((".kml", ".csv", "geotiff"), MUTATIONS[".fgb"]),
+    **dict.fromkeys((".kml", ".csv"), MUTATIONS[".fgb"]),
 }
 
 
@@ -257,10 +228,10 @@ def damaged_scenario(
     file = copied(originals[kind], folder)
     change = rng.choice(_CHANGES[kind])
     change(file, rng)
-    is_depths, is_current = kind.startswith(("depths", "geotiff")), _is_current(kind)
+    is_depths, is_current = kind.startswith("depths"), _is_current(kind)
     is_boston = kind == "s57"
     chart = file.name
-    if is_depths or is_current or (kind == "geotiff" and rng.random() < 0.5):
+    if is_depths or is_current:
         chart = copied(originals[".geojson"], folder).name
     text = _REGION.format(
         **(_IN_BOSTON | _BOSTON_GOAL if is_boston else _AROUND_ISLAND),

@@ -303,8 +303,6 @@ _TITLES = ((11.0, True), (PLAIN_PT, False))
 _LABEL_SPACE_PT = 4.0
 # Width of handle, gaps and spacing of an entry of the legend, in sizes of its text.
 _LEGEND_EXTRA = 4.2
-# Least width of a map in a figure of a given width.
-_MIN_WIDTH_PT = 160.0
 # Room between a text and the figure's edge.
 _EDGE_PT = 3.0
 # Room of a parallel's label beside its text.
@@ -334,19 +332,15 @@ def map_figure(
     titles: Sequence[tuple[str, str]] = (),
     columns: int = 1,
     below_pt: float = 0.0,
-    width_pt: float | None = None,
 ) -> tuple[Figure, list[tuple[Axes, PathPatch]]]:
     """Make a figure with a map under each title (two lines), and one legend.
 
-    Returns the axes of each map, and its water as a patch to clip layers to. Without titles there
-    is one map; `below_pt` points are left free between the maps and the legend. A figure of a given
-    width has as many columns as fit, at most `columns`; otherwise each map is `WIDTH_PT` wide.
+    Returns the axes of each map, `WIDTH_PT` wide, and its water as a patch to clip layers to.
+    Without titles there is one; `below_pt` points are left free between maps and legend.
     """
     left_pt, right_pt = side_room_pt(result)
-    whole_width = width_pt or columns * WIDTH_PT
-    columns = max(1, min(columns, int(whole_width / _MIN_WIDTH_PT)))
-    width = whole_width / columns
-    inner = width - left_pt - right_pt
+    whole_width = columns * WIDTH_PT
+    inner = WIDTH_PT - left_pt - right_pt
     xmin, ymin, xmax, ymax = result.water.chart.bounds
     ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _MIN_RATIO, _MAX_RATIO))
     height = inner * ratio + BOTTOM_PT + TOP_PT
@@ -365,7 +359,7 @@ def map_figure(
     maps = []
     for index in range(count):
         row, column = divmod(index, columns)
-        left, bottom = column * width, whole_height - (row + 1) * row_height
+        left, bottom = column * WIDTH_PT, whole_height - (row + 1) * row_height
         box_pt = (left + left_pt, bottom + BOTTOM_PT, inner, height - BOTTOM_PT - TOP_PT)
         maps.append(_map_axes(figure, result, box_pt))
         if titles:

@@ -1,4 +1,4 @@
-"""Kinds, widths and file types of a case's figures, and how they are drawn to files."""
+"""Kinds and file types of a case's figures, and how they are drawn to files."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -22,14 +22,8 @@ class Kind(StrEnum):
     ALONG = "along"
 
 
-Width: TypeAlias = Literal["column", "page", "screen"]
-"""Width of a figure: a journal's column, a journal's page, or a width that suits a screen."""
-
 Form: TypeAlias = Literal["png", "svg", "pdf"]
 """File type of a figure."""
-
-WIDTHS_PT: dict[Width, float] = {"column": 72 * 3.3, "page": 72 * 7.0}
-"""Widths in points, 72 to an inch; on a screen each map has its own width."""
 
 # Resolution of PNG files, dots per inch.
 _DPI = 200
@@ -48,7 +42,6 @@ def draw(
     *,
     kinds: Sequence[Kind] = (),
     form: Form = "png",
-    width: Width = "screen",
 ) -> list[Path]:
     """Draw figures of cases to `folder/<case>-<figure>.<form>`; return the files.
 
@@ -59,13 +52,12 @@ def draw(
     result, cases : the run's result, and those of its cases that are drawn; all have a route.
     folder : where the files are written; it is made if it does not exist.
     kinds, form : the kinds of figures, all if empty; and the format of their files.
-    width : width of a journal's column, of its page, or of a screen.
     """
     files = []
     about = result.scenario.title or result.scenario.name
     for case, kind in product(cases, [kind for kind in Kind if not kinds or kind in kinds]):
         path = folder / f"{safe_name(case.name)}-{kind}.{form}"
-        _save(figure(case, kind, width), path, f"{about}, {case.title}: {kind}")
+        _save(figure(case, kind), path, f"{about}, {case.title}: {kind}")
         files.append(path)
     return files
 
@@ -85,16 +77,15 @@ def _save(drawing: "Figure", path: Path, title: str) -> None:
             drawing.savefig(file, format=form, dpi=_DPI, metadata=about)
 
 
-def figure(case: "RunCase", kind: Kind, width: Width = "screen") -> "Figure":
+def figure(case: "RunCase", kind: Kind) -> "Figure":
     """Draw a figure of a case that has a route."""
     from pipeline.formats.appearance import season_colour
     from pipeline.formats.figures.chart_map import in_season_colour
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
 
-    width_pt = WIDTHS_PT.get(width)
     if kind is Kind.ROUTES:
-        return overview_figure([case], width_pt)
-    drawn = profile_figure(case.routes[0], width_pt)
+        return overview_figure([case])
+    drawn = profile_figure(case.routes[0])
     in_season_colour(drawn, season_colour(case.number))
     return drawn

@@ -11,14 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
-import renew
 from pipeline._types import FloatArray
 from pipeline.findings import text
 from pipeline.findings.choices import AS_GOOD, SpeedTradeOff, way_text
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (
-    at_most_percent,
     clearance as kept,
     fuel,
     fuel_unit,
@@ -51,76 +49,13 @@ _TITLE_PT = 10.0
 TEXT_PT = 9.0
 # Ratio of the greatest to the least distance to land above which the axis is logarithmic.
 _LOG_AXIS_RATIO = 6.0
-# Height of the histogram of turns' reaches.
-_HISTOGRAM_PT = 170.0
-# Height of the row in which a marked distance has its text.
-_MARK_ROW_PT = 14.0
-# Number of bars of the histogram.
-_BINS = 30
-# Largest distance to the no-go zone that is drawn, as a multiple of the largest reach; larger
-# distances are only written.
-_MAX_GAP_REACHES = 2.0
-# A mark further right than this share of the axis has its text on the left.
-_TEXT_LEFT_FROM = 0.4
-# Length of an axis, as a factor on the largest value.
-_AXIS_FACTOR = 1.06
-
-
-def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
-    """Plot how far turns from the tightest place reach, with the padding and the no-go zone.
-
-    `scale` is the number of true metres in a planar metre.
-    """
-    reach_m = np.asarray(tightest.reaches, dtype=float) * scale
-    padding_m, gap_m = tightest.turns * scale, tightest.gap * scale
-    beyond = at_most_percent(float((reach_m > padding_m).mean()))
-    # Each has its distance, its colour's role, and its text.
-    marks = [
-        (float(np.median(reach_m)), "ink", "median {}"),
-        (padding_m, "other", f"padding for turns {{}}, exceeded by {beyond}"),
-        (gap_m, "best", "route to no-go zone {}"),
-    ]
-    furthest_m = max(float(reach_m.max()), padding_m)
-    end_m = _AXIS_FACTOR * max(furthest_m, gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0)
-    unit, unit_m = distance_unit(end_m)
-
-    figure, (axes,) = plot_panels(1, _HISTOGRAM_PT, 0.0)
-    counts, edges = np.histogram(reach_m / unit_m, bins=_BINS)
-    shares = 100 * counts / reach_m.size
-    axes.stairs(shares, edges, fill=True, color=COLOURS["speed1"], zorder=2)
-    over = np.maximum(edges, padding_m / unit_m)
-    axes.stairs(shares, over, fill=True, color=COLOURS["other"], zorder=2.5)
-    # Above the bars, each mark has a row for its text.
-    rows = len(marks) * _MARK_ROW_PT / _HISTOGRAM_PT
-    axes.set_xlim(0, end_m / unit_m)
-    top = _AXIS_FACTOR * shares.max() / (1 - rows)
-    axes.set_ylim(0, top)
-    # The nearest mark is the lowest, so that text left of a line crosses no other line.
-    for row, (metres, role, words) in enumerate(sorted(marks, key=lambda mark: -mark[0])):
-        height = 1 - (row + 0.5) * _MARK_ROW_PT / _HISTOGRAM_PT
-        written = words.format(kept(metres))
-        if metres <= end_m:
-            axes.axvline(metres / unit_m, 0, height, color=COLOURS[role], linewidth=1.8, zorder=3)
-        else:
-            written += " \N{RIGHTWARDS ARROW}"
-        plot_text(
-            axes,
-            written,
-            (min(metres, end_m) / unit_m, height * top),
-            on_left=metres > _TEXT_LEFT_FROM * end_m,
-        )
-    plot_title(axes, "How far hard-over turns reach", "% of turns")
-    plot_x_label(axes, f"reach from the tightest place, {unit}")
-    return figure
-
-
 # Minimum padding that is drawn, as a share of the least clearance.
 _MIN_PADDING_SHARE = 0.02
 _KILOMETRES_FROM_M = 2_000.0
 DASHES = (0, (4, 3))
 
 
-def profile_figure(ranked: RankedRoute, width_pt: float | None = None) -> Figure:
+def profile_figure(ranked: RankedRoute) -> Figure:
     """Plot fuel, speed, current, and distance to land and water if known, by distance run."""
     profile = route_profile(ranked)
     unit, unit_m = distance_unit(float(profile.distance_m[-1]))
@@ -130,7 +65,7 @@ def profile_figure(ranked: RankedRoute, width_pt: float | None = None) -> Figure
         draws.append(_draw_clearance)
     if ranked.route.least_water is not None:
         draws.append(_draw_water)
-    figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT, width_pt or _WIDTH_PT)
+    figure, panels = plot_panels(len(draws), _PANEL_PT, _GAP_PT)
     for axes, draw in zip(panels, draws, strict=True):
         draw(axes, ranked, profile, run)
         axes.set_xlim(0, run[-1])
@@ -250,19 +185,17 @@ def distance_unit(longest_m: float) -> tuple[str, float]:
     return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
 
-def plot_panels(
-    count: int, height_pt: float, gap_pt: float, width_pt: float = _WIDTH_PT
-) -> tuple[Figure, list[Axes]]:
-    """Make a figure of a width, with panels of equal height below each other."""
+def plot_panels(count: int, height_pt: float, gap_pt: float) -> tuple[Figure, list[Axes]]:
+    """Make a figure with panels of equal height below each other."""
     whole = _TOP_PT + count * height_pt + (count - 1) * gap_pt + _BOTTOM_PT
     figure = Figure(
-        figsize=(width_pt / POINTS_PER_INCH, whole / POINTS_PER_INCH), facecolor=COLOURS["halo"]
+        figsize=(_WIDTH_PT / POINTS_PER_INCH, whole / POINTS_PER_INCH), facecolor=COLOURS["halo"]
     )
     panels = []
     for row in range(count):
         bottom = whole - _TOP_PT - (row + 1) * height_pt - row * gap_pt
-        inner = 1 - (_LEFT_PT + _RIGHT_PT) / width_pt
-        axes = figure.add_axes((_LEFT_PT / width_pt, bottom / whole, inner, height_pt / whole))
+        inner = 1 - (_LEFT_PT + _RIGHT_PT) / _WIDTH_PT
+        axes = figure.add_axes((_LEFT_PT / _WIDTH_PT, bottom / whole, inner, height_pt / whole))
         axes.set_facecolor("none")
         axes.grid(color=COLOURS["grid"], linewidth=0.6)
         axes.set_axisbelow(True)

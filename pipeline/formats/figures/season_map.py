@@ -180,14 +180,13 @@ def case_svg(case: RunCase, *, identity: str, label: str) -> Markup:
     return page_svg(figure, identity=identity, label=label)
 
 
-def overview_figure(cases: Sequence[RunCase], width_pt: float | None = None) -> Figure:
+def overview_figure(cases: Sequence[RunCase]) -> Figure:
     """Draw cases of a run, at least one, side by side, each under its title."""
     figure, maps = map_figure(
         cases[0].run,
         _handles(cases),
         titles=[_titles(case) for case in cases],
         columns=len(cases),
-        width_pt=width_pt,
     )
     for case, (axes, sea) in zip(cases, maps, strict=True):
         draw_case(axes, sea, case)

@@ -14,7 +14,7 @@ import json
 import sqlite3
 import textwrap
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -28,9 +28,8 @@ from pipeline._types import FloatArray
 from pipeline.findings.names import COLUMNS
 from pipeline.findings.note_words import caveats_json
 from pipeline.findings.result import RunCase, RunResult
-from pipeline.findings.text import fuel, moment_text, route_summary, write_json
+from pipeline.findings.text import write_json
 from pipeline.formats.appearance import COLOURS
-from pipeline.formats.figures.map_marks import graticule_step_deg, nice_step
 from pipeline.formats.gis.layers import (
     FRAMES,
     LAYERS,
@@ -46,8 +45,6 @@ from pipeline.formats.gis.layers import (
 from pipeline.formats.gis.styles import (
     LONLAT,
     STYLES,
-    Bounds,
-    MapCrs,
     View,
     inert,
     map_crs,
@@ -55,11 +52,9 @@ from pipeline.formats.gis.styles import (
     qml,
     rendered,
     style,
-    symbol_layer,
     view,
 )
 from pipeline.formats.passage.waypoints import (
-    NAUTICAL_MILE_M,
     attribution,
     case_waypoints,
     document_title,
@@ -67,7 +62,6 @@ from pipeline.formats.passage.waypoints import (
     within_180,
 )
 from pipeline.formats.records import manifest
-from pipeline.geo.projection import METRES_PER_DEGREE
 
 # Layers of a case's group -> whether the leading case shows them at first.
 _CASE_LAYERS = {
@@ -86,27 +80,12 @@ _GEOMETRIES = {"LineString": "Line", "Point": "Point", "MultiPolygon": "Polygon"
 # Maximum number of characters of a line of credits on the map.
 _WRAP = 100
 
-_PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
-# Margin of a page.
-_MARGIN_MM = 10.0
-# Height of the title on an A4 page. On A3 this and the next three grow with the page's width.
-_TITLE_MM = 10.0
-# Height of a line of the summary, A4, and largest numbers of its characters and of all lines.
-_LINE_MM, _LINE_WRAP, _MOST_LINES = 3.6, 170, 8
-# Height of the credits on an A4 page.
-_CREDITS_MM = 16.0
-# Width of the legend on an A4 page.
-_LEGEND_MM = 62.0
-# Length of half a scale bar, as a share of the map's width.
-_BAR_SHARE = 1 / 10
-
 
 def qgz(result: RunResult, view: View, tables: Mapping[str, Any], file_name: str) -> bytes:
     """Write the project as a .qgz; `tables` are the layers of the file `file_name`, by name."""
     crs = map_crs(result)
     view = replace(view, convergence=crs.convergence)
     texts = dict.fromkeys(credit.text for credit in result.credits)
-    lines = [line for case in view.cases for line in textwrap.wrap(_summary(case), _LINE_WRAP)]
     document = rendered(
         "project.qgs.jinja",
         title=one_line(result.scenario.title or result.scenario.name),
@@ -119,12 +98,10 @@ def qgz(result: RunResult, view: View, tables: Mapping[str, Any], file_name: str
         columns=_columns(tables),
         fields=COLUMNS,
         file_name=file_name,
-        pages=[_page(*page, crs, lines[:_MOST_LINES]) for page in _PAGES_MM.items()],
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
         result=result,
         credits=inert("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
         times=[time for one in result.routes for time in passage(one)],
-        grid=symbol_layer({"line": "grid", "width": 0.15}),
         licences=dict.fromkeys(credit.licence for credit in result.credits if credit.licence),
     )
     stamp = result.created.timetuple()[:6]
@@ -134,16 +111,6 @@ def qgz(result: RunResult, view: View, tables: Mapping[str, Any], file_name: str
         entry.compress_type = zipfile.ZIP_DEFLATED
         archive.writestr(entry, document)
     return packed.getvalue()
-
-
-def _summary(case: RunCase) -> str:
-    """Say a case's best way, its figures, its departure and its current, for print layouts."""
-    if not case.routes:
-        return f"{case.title}: no route"
-    row = case.routes[0].metrics
-    times = " to ".join(map(moment_text, passage(case.routes[0])))
-    said = f"{route_summary(row)} Fuel {fuel(row.fuel, row)}. {times}{'. ' * bool(times)}"
-    return inert(f"{case.title}: {said}Current: {case.current_text}.")
 
 
 def _columns(tables: Mapping[str, Any]) -> dict[str, list[str]]:
@@ -189,54 +156,6 @@ def _sql(text: str) -> str:
     if text.replace("-", "").replace("_", "").isalnum():
         return f"'{text}'"
     return f"CAST(X'{text.encode('utf-8', 'replace').hex()}' AS TEXT)"
-
-
-def _page(
-    name: str, size_mm: tuple[float, float], crs: MapCrs, lines: Sequence[str]
-) -> dict[str, object]:
-    """Lay out a page of a print layout, of a width and height in mm, below `lines` of a summary.
-
-    `scale` is the ratio of its width to an A4 page's, by which fonts grow, too. `boxes` have left,
-    top, width and height of each item, mm; `bounds` are those of its map; `bar_miles` is the length
-    of each half of the scale bar, nautical miles; `step_deg` that of the graticule.
-    """
-    width, height = size_mm
-    scale = width / _PAGES_MM["A4"][0]
-    title_mm, credits_mm, legend_mm = (s * scale for s in (_TITLE_MM, _CREDITS_MM, _LEGEND_MM))
-    inner = width - 2 * _MARGIN_MM
-    summary_mm = (_LINE_MM * len(lines) + 2) * scale
-    top, low = _MARGIN_MM + title_mm + summary_mm, height - _MARGIN_MM - credits_mm
-    map_mm = inner - legend_mm
-    bounds = _with_ratio(crs.bounds, map_mm / (low - top))
-    unit_m = METRES_PER_DEGREE if crs.is_lonlat else 1.0
-    boxes = {
-        "page": (0.0, 0.0, width, height),
-        "map": (_MARGIN_MM, top, map_mm, low - top),
-        "title": (_MARGIN_MM, _MARGIN_MM, inner, title_mm),
-        "summary": (_MARGIN_MM, _MARGIN_MM + title_mm, inner, summary_mm),
-        "credits": (_MARGIN_MM, low + 5, map_mm, credits_mm),
-        "warning": (_MARGIN_MM + map_mm + 2, low + 5, legend_mm, credits_mm),
-        "legend": (_MARGIN_MM + map_mm + 2, top, 0.0, 0.0),
-        "map scale": (_MARGIN_MM + 3, low - 16, 60.0, 13.0),
-    }
-    across_m = (bounds[2] - bounds[0]) * unit_m
-    return {
-        "name": name,
-        "scale": scale,
-        "boxes": boxes,
-        "bounds": bounds,
-        "bar_miles": nice_step(across_m * _BAR_SHARE / NAUTICAL_MILE_M),
-        "step_deg": graticule_step_deg(across_m / METRES_PER_DEGREE),
-        "summary": "\n".join(lines),
-    }
-
-
-def _with_ratio(bounds: Bounds, ratio: float) -> Bounds:
-    """Return bounds grown about their middle to a ratio of width to height."""
-    xmin, ymin, xmax, ymax = bounds
-    width, height = max(xmax - xmin, ratio * (ymax - ymin)), max(ymax - ymin, (xmax - xmin) / ratio)
-    x, y = (xmin + xmax) / 2, (ymin + ymax) / 2
-    return x - width / 2, y - height / 2, x + width / 2, y + height / 2
 
 
 # Name of the project inside the file, as QGIS lists it.

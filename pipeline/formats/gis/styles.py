@@ -110,11 +110,10 @@ def map_crs(result: RunResult) -> MapCrs:
     if np.abs(outline[:, 0]).max() > 180:
         return MapCrs(pyproj.CRS(LONLAT), LONLAT, _bounds(outline))
     # PROJ takes 80 ms to search its database, which does not have the planner's own planes.
-    own = projection.crs.startswith("+proj")
-    if own and (zone := _utm_zone(outline)):
-        projection, own = zone, False
+    zone = _utm_zone(outline)
+    projection = zone or projection
     crs = pyproj.CRS.from_user_input(projection.crs)
-    authority = "" if own else ":".join(crs.to_authority() or ())
+    authority = ":".join(crs.to_authority() or ()) if zone else ""
     if not authority:
         crs = pyproj.CRS.from_json_dict({**crs.to_json_dict(), "name": _NAME})
     to_plane = pyproj.Transformer.from_crs("OGC:CRS84", crs, always_xy=True)

@@ -2,37 +2,33 @@
 
 Both hold the same MAVLink commands: go to the start, then for each leg its speed and its end. The
 speed is the speed over ground that the vessel makes there: in the case's current, at its planned
-speed through the water. Altitudes are 0 above home: a surface vessel has none. A plan has a fence
-and rally points, too, where they are found: where the autopilot may be, and where it may return. It
-draws the edges of its fence, and its way to a rally point, straight in longitude and latitude. So
-polygons are made and checked in a plane where such lines are straight.
+speed through the water. Altitudes are 0 above home: a surface vessel has none. A plan has a fence,
+too, where one is found: where the autopilot may be. It draws the edges of its fence straight in
+longitude and latitude. So polygons are made and checked in a plane where such lines are straight.
 
-Ways to havens are written as one GPX, each as RTZ, and as missions in one archive. They have speeds
-and durations but no clock times: a vessel turns off early, on time or late.
+Ways to havens are written as one GPX. They have speeds and durations but no clock times: a vessel
+turns off early, on time or late.
 
 Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
 format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
 """
 
-import json
 import math
-import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-import pyproj
 import shapely
 
 from pipeline._types import FloatArray
 from pipeline.findings.haven_rows import Way, haven_ways
 from pipeline.findings.result import RankedRoute, RunCase
 from pipeline.findings.route_profile import closest_approach, coast_edges
-from pipeline.findings.text import json_value, speed_over_ground, write_json
-from pipeline.formats.passage.routes import gpx_document, rtz_text
-from pipeline.formats.passage.safe_corridor import Obstacles, in_pieces, kept_out, tracks
+from pipeline.findings.text import speed_over_ground, write_json
+from pipeline.formats.passage.routes import gpx_document
+from pipeline.formats.passage.safe_corridor import Obstacles, kept_out, tracks
 from pipeline.formats.passage.waypoints import (
     Waypoints,
     case_waypoints,
@@ -41,7 +37,7 @@ from pipeline.formats.passage.waypoints import (
     waypoints,
     wrapped_longitude,
 )
-from pipeline.geo.projection import EARTH_RADIUS_M, METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.model import RouteMetrics, Water
 from renew.results import unite_soft_no_go
 
@@ -49,8 +45,6 @@ STORAGE_BYTES = 672
 """What ArduPilot Rover keeps its fence in: 8 bytes a vertex, 2 a polygon and 5 more."""
 MAX_VERTICES = (STORAGE_BYTES - 5 - 2) // 8
 """Largest number of vertices of a fence: of one polygon; of several it is a little less."""
-MAX_RALLY_POINTS = 50
-"""Number of rally points that the same storage has room for."""
 KEPT_SHARE = 0.98
 """Share of the cross-track limits that the fence leaves free beside the legs."""
 # Where there is no other water, the fence runs this share of the least limit outside the strip that
@@ -66,64 +60,33 @@ _PIECE_M = 1_000.0
 _ERROR_M = 0.1
 # Number of points tried as the next vertex.
 _TRIED = 100
-# Least number of pieces of a route: the nearest rally point is found for each piece.
-_PIECES = 1_000
-# An autopilot's distances may be off by this share.
-_DISTANCE_ERROR = 0.01
-_GEOD = pyproj.Geod(ellps="WGS84")
-_TOLD = "_autopilot"
+_FENCE = "_fence"
 
 
-@dataclass(frozen=True)
-class Autopilot:
-    """The fence and the rally points of a mission.
+def fence_of(case: RunCase) -> tuple[FloatArray, ...] | None:
+    """Return the fence of a case's best route; worked out once.
 
-    Attributes
-    ----------
-    fence : the inclusion polygon (n, 2), then the exclusion polygons (m, 2) in it, degrees, not
-        closed: they leave only water outside V. None if no fence of so few vertices was found, if a
-        leg lies in V, where nothing is promised, or on a chart across 180 degrees.
-    rally : points (n, 2), degrees, in the fence if there is one. From every place of the legs, the
-        straight line to the nearest of these points and the start stays in water outside V. None if
-        that fails even without any point: then the vessel must not return to the start.
+    It is the inclusion polygon (n, 2), then the exclusion polygons (m, 2) in it, degrees, not
+    closed: they leave only water outside V. None if no fence of so few vertices was found, if a leg
+    lies in V, where nothing is promised, or on a chart across 180 degrees.
     """
-
-    fence: tuple[FloatArray, ...] | None
-    rally: FloatArray | None
-
-
-def autopilot(case: RunCase) -> Autopilot:
-    """Return fence and rally points for a case's best route; worked out once."""
-    cached: dict[str, Autopilot] = case.run.kept.setdefault(_TOLD, {})
+    cached: dict[str, tuple[FloatArray, ...] | None] = case.run.kept.setdefault(_FENCE, {})
     if case.name not in cached:
-        cached[case.name] = _autopilot(case)
+        cached[case.name] = _fence_of(case)
     return cached[case.name]
 
 
-def _autopilot(case: RunCase) -> Autopilot:
+def _fence_of(case: RunCase) -> tuple[FloatArray, ...] | None:
     points, flat = case_waypoints(case)[0], _Flat(case.run.water)
     least_m = float(np.minimum(points.port_m, points.starboard_m)[:-1].min())
     if flat.crosses_180 or least_m <= 0:
-        return Autopilot(None, None)
+        return None
     parts = shapely.get_parts(flat.of(open_water(case)))
     kept = flat.of(_beside(points))
     used = shapely.buffer(kept, _USED_SHARE * least_m)
     water = parts[shapely.distance(parts, used).argmin()]
     shapely.prepare(water)
-    fence = _fence(flat, water, used, kept)
-    given = case.coverage.havens if case.coverage is not None else ()
-    # A rally point is open at all hours.
-    places = [one.place for one in given if not np.isfinite([one.opens, one.closes]).any()]
-    lonlat = case.run.water.projection.to_lonlat(np.reshape(places, (-1, 2)))
-    havens = np.round(lonlat, _DECIMALS)
-    if fence is not None:  # An autopilot passes over rally points outside its fence.
-        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in fence)
-        havens = havens[inside & ~np.any(shut, axis=0)]
-    havens = havens[:MAX_RALLY_POINTS]
-    for rally in (havens, havens[:0]) if len(havens) else (havens,):
-        if _is_clear(flat, water, points, rally):
-            return Autopilot(fence, rally)
-    return Autopilot(fence, None)
+    return _fence(flat, water, used, kept)
 
 
 def open_water(case: RunCase) -> shapely.Geometry:
@@ -246,41 +209,6 @@ def _parts(ring: FloatArray, at: int, to: int, islands: FloatArray) -> bool:
     return bool(shapely.contains_xy(between, islands).any())
 
 
-def _is_clear(flat: _Flat, water: shapely.Polygon, points: Waypoints, rally: FloatArray) -> bool:
-    """Whether from every place of the legs a straight line to the nearest point keeps to the water.
-
-    The points are the start and those (n, 2) for rallying. Lines that are straight in other
-    planes, or on the ellipsoid, keep to the water as well.
-    """
-    sites = np.concatenate([points.lonlat[:1], rally])
-    length = float(np.nansum(points.length_m)) / _PIECES
-    places, leg = in_pieces(points.lonlat[:-1], points.lonlat[1:], points.curve, length)
-    lonlat = np.stack([places[:-1], places[1:]], axis=1)[np.diff(leg) == 0]
-    apart = np.stack([_distances(lonlat[:, end], sites) for end in (0, 1)])
-    step = np.asarray(_GEOD.inv(*lonlat[:, 0].T, *lonlat[:, 1].T)[2])[:, None]
-    # The least and the greatest distance of a piece's places from each site.
-    least, most = (apart.sum(axis=0) - step) / 2, (apart.sum(axis=0) + step) / 2
-    piece, site = np.nonzero(least <= (1 + _DISTANCE_ERROR) * most.min(axis=1, keepdims=True))
-    ends = flat.xy(lonlat.reshape(-1, 2)).reshape(-1, 2, 2)[piece]
-    # All lines from a piece fill a triangle.
-    corners = np.concatenate([ends, flat.xy(sites)[site][:, None]], axis=1)
-    steepest = np.abs(np.concatenate([points.lonlat, rally])[:, 1]).max()
-    bend = most[piece, site] ** 2 * np.tan(np.radians(steepest)) / (4 * EARTH_RADIUS_M)
-    triangles = shapely.buffer(shapely.convex_hull(shapely.multipoints(corners)), bend)
-    # A few of them are tested first: they often show that not all are clear.
-    return bool(
-        shapely.covers(water, triangles[:: max(len(triangles) // 50, 1)]).all()
-        and shapely.covers(water, triangles).all()
-    )
-
-
-def _distances(one: FloatArray, sites: FloatArray) -> FloatArray:
-    """Return the distances (n, s) of points (n, 2) from sites (s, 2), true metres."""
-    lon, lat = (np.broadcast_to(one[:, None, axis], (len(one), len(sites))) for axis in (0, 1))
-    to = np.broadcast_to(sites, (len(one), *sites.shape))
-    return np.asarray(_GEOD.inv(lon, lat, to[..., 0], to[..., 1])[2])
-
-
 # MAV_CMD_NAV_WAYPOINT.
 _WAYPOINT = 16
 # MAV_CMD_DO_CHANGE_SPEED.
@@ -311,11 +239,11 @@ _Command: TypeAlias = tuple[int, int, tuple[float, ...]]
 
 def write_plan(case: RunCase, path: Path) -> None:
     """Write the best route of a case, which must have one, as a plan of QGroundControl."""
-    write_json(path, plan_content(case_waypoints(case)[0], autopilot(case)))
+    write_json(path, plan_content(case_waypoints(case)[0], fence_of(case)))
 
 
-def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
-    """Return a route's plan, with its fence and rally points.
+def plan_content(points: Waypoints, fence: tuple[FloatArray, ...] | None) -> dict[str, object]:
+    """Return a route's plan, with its fence.
 
     The key `renew`, which programs ignore, says how the route is not safe, and what is not known.
     """
@@ -352,22 +280,17 @@ def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
             "plannedHomePosition": [*start, 0],
             "items": items,
         },
-        "geoFence": {"version": 2, "circles": [], "polygons": _polygons(told)},
-        "rallyPoints": {"version": 2, "points": _rally_points(told)},
+        "geoFence": {"version": 2, "circles": [], "polygons": _polygons(fence)},
+        "rallyPoints": {"version": 2, "points": []},
     }
 
 
-def _polygons(told: Autopilot) -> list[dict[str, object]]:
+def _polygons(fence: tuple[FloatArray, ...] | None) -> list[dict[str, object]]:
     """Return the fence's polygons, the inclusion first, as (latitude, longitude) degrees."""
     return [
         {"version": 1, "inclusion": number == 0, "polygon": ring[:, ::-1].tolist()}
-        for number, ring in enumerate(told.fence or ())
+        for number, ring in enumerate(fence or ())
     ]
-
-
-def _rally_points(told: Autopilot) -> list[list[float]]:
-    """Return the rally points as (latitude, longitude) degrees and altitude above home, 0."""
-    return [] if told.rally is None else [[lat, lon, 0.0] for lon, lat in told.rally.tolist()]
 
 
 def write_mission(case: RunCase, path: Path) -> None:
@@ -447,23 +370,3 @@ def _ranked(way: Way, case: RunCase) -> RankedRoute:
 def write_haven_gpx(case: RunCase, path: Path) -> None:
     """Write all ways of a case as routes of one file."""
     path.write_bytes(gpx_document(haven_waypoints(case), None, []))
-
-
-def write_haven_rtz(case: RunCase, path: Path, *, number: int) -> None:
-    """Write one way of a case, by its number from 1."""
-    points = haven_waypoints(case)[number - 1]
-    path.write_text(rtz_text(points, path.stem, None), encoding="utf-8")
-
-
-def write_haven_missions(case: RunCase, path: Path, *, names: list[str]) -> None:
-    """Write all ways of a case as missions in an archive, named without their ends.
-
-    They have no fence: a way to a haven may leave that of the route.
-    """
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, points in zip(names, haven_waypoints(case), strict=True):
-            content = plan_content(points, Autopilot(None, None))
-            plan = json.dumps(json_value(content), indent=2)
-            for end, text in ((".plan", plan), (".waypoints", mission_text(points))):
-                # The time that an archive holds for a file is the same for all runs.
-                archive.writestr(zipfile.ZipInfo(name + end), text, zipfile.ZIP_DEFLATED)

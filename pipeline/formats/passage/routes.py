@@ -1,13 +1,8 @@
-"""Routes for plotters, phones, Google Earth and an ECDIS: GPX, KML, and RTZ by IEC 61174.
+"""Routes for plotters, phones and an ECDIS: GPX, and RTZ by IEC 61174.
 
 `<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
 `-all` has all that one may follow. GPX has no speed on a route, and OpenCPN ignores the times of
 its points: the speed, and the departure if there is one, are in the extensions that OpenCPN reads.
-
-Google Earth draws straight lines between points as great circles, so legs are drawn in small steps.
-
-The KML file is a template, because simplekml fails on characters that XML forbids, and importing
-fastkml (128 ms) takes longer than writing the file.
 
 In RTZ a waypoint holds the leg that leads to it. Versions of the format differ in their namespace,
 in the spelling of some names, and in how extensions are wrapped.
@@ -24,7 +19,6 @@ import gpxpy.gpx
 import numpy as np
 from lxml import etree
 
-from pipeline._types import FloatArray
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RankedRoute, RunCase, route_caveats
 from pipeline.findings.route_profile import metres_along, times_at
@@ -35,8 +29,6 @@ from pipeline.findings.text import (
     turns_text,
     xml_environment,
 )
-from pipeline.formats.appearance import season_colour
-from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -50,7 +42,6 @@ from pipeline.formats.passage.waypoints import (
     limits_text,
     point_text,
     route_name,
-    split_at_antimeridian,
     time_after,
     vessel_name,
     wrapped_longitude,
@@ -169,68 +160,6 @@ def _summary(metrics: RouteMetrics, ranked: RankedRoute) -> str:
     return " ".join(filter(None, (route_summary(metrics), limits_text(ranked))))
 
 
-# Maximum distance, true metres, between a leg and the line drawn for it.
-_ERROR_M = 10.0
-# Widths of the lines, pixels, and opacities of the best route and of the other side's best.
-_LINES = {"best": (4, 1.0), "other": (2, 0.6)}
-
-
-def write_kml(case: RunCase, path: Path, *, departure: datetime | None = None) -> None:
-    """Write a case's best route and the other side's best, with the best one's waypoints.
-
-    With a departure, which needs a time zone, the waypoints have times.
-    """
-    best, *_ = found = both_sides(case)
-    parts = (case.scenario.description, limits_text(best.ranked), attribution(case.run))
-    colour = season_colour(case.number)
-    content = (
-        xml_environment("pipeline.formats.passage")
-        .get_template("route.kml.jinja")
-        .render(
-            title=document_title(case),
-            description=" ".join(part for part in parts if part),
-            styles={name: (_abgr(colour, seen), width) for name, (width, seen) in _LINES.items()},
-            routes=[
-                {
-                    "name": route_name(points.ranked),
-                    "description": route_summary(points.metrics),
-                    "parts": _line(points),
-                }
-                for points in found
-            ],
-            waypoints=list(_waypoints(best, departure)),
-        )
-    )
-    path.write_text(content.lstrip(), encoding="utf-8")
-
-
-def _line(points: Waypoints) -> list[FloatArray]:
-    """Return a route's legs as one line (n, 2), degrees; in parts if it crosses 180 degrees."""
-    begin, end = points.lonlat[:-1], points.lonlat[1:]
-    drawn = tracks(
-        begin, end, points.curve, points.ranked.case.run.water.projection, _ERROR_M
-    ).lonlat
-    moved = np.any(np.diff(drawn, axis=0) != 0, axis=1)
-    return split_at_antimeridian(drawn[np.concatenate([[True], moved])])
-
-
-def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[str, object]]:
-    """Yield a route's waypoints, each with the leg that leaves it."""
-    for index, (longitude, latitude) in enumerate(points.lonlat):
-        yield {
-            "name": points.names[index],
-            "description": point_text(points, index),
-            "passed": departure and time_after(departure, points.time_s[index]),
-            "place": (wrapped_longitude(longitude), latitude),
-        }
-
-
-def _abgr(colour: str, opacity: float) -> str:
-    """Write a colour such as "#c9a97c" as KML does: opacity, blue, green, red."""
-    red, green, blue = (colour[at : at + 2] for at in (1, 3, 5))
-    return f"{round(255 * opacity):02x}{blue}{green}{red}"
-
-
 _Attributes: TypeAlias = dict[str, str]
 
 PROVENANCE = "urn:renew:provenance:1"
@@ -261,13 +190,8 @@ def write_rtz(case: RunCase, path: Path, *, departure: datetime | None = None) -
     departure (and its time zone) the file has the speed and duration of each leg, but no times.
     Raises ValueError for a departure without a time zone.
     """
-    text = rtz_text(case_waypoints(case)[0], path.stem, departure)
-    path.write_text(text, encoding="utf-8")
-
-
-def rtz_text(points: Waypoints, name: str, departure: datetime | None) -> str:
-    """Return the file of a route under a name; see `write_rtz`."""
-    planned, scenario = points.ranked.metrics, points.ranked.case.scenario
+    points, scenario = case_waypoints(case)[0], case.scenario
+    planned = points.ranked.metrics
     version = scenario.outputs.rtz_version
     # RTZ has no place for what is not known about a route, nor for what was decided for it.
     caveats = note_texts(route_caveats(points.ranked))
@@ -279,7 +203,7 @@ def rtz_text(points: Waypoints, name: str, departure: datetime | None) -> str:
             version=version,
             form=VERSIONS[version],
             info={
-                "routeName": clean(name, _MAX_TEXT_LENGTH),
+                "routeName": clean(path.stem, _MAX_TEXT_LENGTH),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
                 **({"vesselName": vessel} if (vessel := vessel_name(scenario)) else {}),
@@ -291,7 +215,7 @@ def rtz_text(points: Waypoints, name: str, departure: datetime | None) -> str:
             namespace=PROVENANCE,
         )
     )
-    return content.lstrip()
+    path.write_text(content.lstrip(), encoding="utf-8")
 
 
 def _rtz_waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _Attributes]]:

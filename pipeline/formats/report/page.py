@@ -15,7 +15,6 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
-import renew
 from pipeline._types import FloatArray
 from pipeline.findings import choices, text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
@@ -29,11 +28,19 @@ from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limit
 from pipeline.formats.figures.plots import (
     departure_figure,
     fan_figure,
-    padding_figure,
     profile_figure,
     trade_off_figure,
 )
 from pipeline.formats.figures.season_map import case_svg
+from pipeline.formats.passage.missions import MAX_VERTICES, fence_of
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    NAUTICAL_MILE_M,
+    Waypoints,
+    case_waypoints,
+    time_after,
+    vessel_name,
+)
 from pipeline.formats.records import versions
 from pipeline.formats.report.map_data import (
     coarser,
@@ -43,7 +50,15 @@ from pipeline.formats.report.map_data import (
     place_on_map,
     within,
 )
-from pipeline.formats.tables import haven_facts, haven_texts, tightest_place, tightest_text
+from pipeline.formats.tables import (
+    has_speeds,
+    haven_facts,
+    haven_texts,
+    leg_headings,
+    rows,
+    tightest_place,
+    tightest_text,
+)
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
 from renew import Rejected
@@ -144,7 +159,6 @@ def gather(result: RunResult) -> dict[str, Any]:
         "map_json": Markup(json_for_script(map_data(result, limits))),  # noqa: S704 - our own
         # The interactive map's width to its height, so that the chart fills it.
         "map_ratio": min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin))),
-        "comparison": comparison(result),
         "zones": list(dict.fromkeys(text.zone_text(zone) for zone, _ in result.open_zones)),
         "sources": _sources(result),
     }
@@ -227,53 +241,6 @@ def _crossed_beside(case: RunCase) -> str:
     return f"parts of {text.count(len(ranks), 'route', 'routes')}, none of the best."
 
 
-def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
-    """Return each case's best route, followed by the published routes for it.
-
-    `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
-    `clearance_m` true metres; unknown figures are None.
-    """
-    published = result.scenario.published
-    if published is None:
-        return ()
-    rows: list[dict[str, Any]] = []
-    for case in result.cases:
-        rows += [
-            {
-                "season": case.title,
-                "planner": "This run",
-                "is_ours": True,
-                "scale": result.scenario.scale,
-                "way": m.main_passage,
-                "fuel_per_distance": m.fuel_per_distance,
-                "fuel": m.fuel,
-                "length": m.length,
-                "length_m": m.length_m,
-                "clearance_m": m.clearance_m,
-            }
-            for m in case.measures.routes[:1]
-        ]
-        rows += [
-            {
-                "season": row.season and case.title,
-                "planner": row.label,
-                "is_ours": False,
-                "scale": published.scale,
-                "way": row.side,
-                # As published, or else from fuel and length.
-                "fuel_per_distance": row.fuel_per_distance
-                or (row.fuel / row.length if row.fuel and row.length else None),
-                "fuel": row.fuel,
-                "length": row.length,
-                "length_m": row.length and row.length * published.scale,
-                "clearance_m": row.clearance and row.clearance * published.scale,
-            }
-            for row in published.rows
-            if row.season == case.name or (not row.season and not case.number)
-        ]
-    return tuple(rows)
-
-
 # Longer side of a card's picture, in its own units.
 _SIDE = 100.0
 # Size of the smallest details, as a share of that side.
@@ -286,10 +253,10 @@ def case_section(case: RunCase) -> dict[str, Any]:
     """Gather what the templates show of a case; `rows` are empty if `failure` gives a reason.
 
     `passage` is departure and arrival of the best route, empty if no departure is given. `said`
-    tells why to take this route; `profile` is a plot of it, `padding` one of the turns at its
-    tightest place, and `tightest` a sentence on that place. `thumbnail` and `picture` are static
-    maps. `choices` are when to leave and how fast to go, if that was to be chosen; `speeds` are
-    then the best route's lowest and highest, m/s.
+    tells why to take this route; `profile` is a plot of it, and `tightest` a sentence on its
+    tightest place. `thumbnail` and `picture` are static maps. `choices` are when to leave and how
+    fast to go, if that was to be chosen; `speeds` are then the best route's lowest and highest,
+    m/s.
     """
     result, ranked = case.run, case.routes
     title, anchor = case.title, f"season-{case.number + 1}"
@@ -322,10 +289,10 @@ def case_section(case: RunCase) -> dict[str, Any]:
             "label": label,
         },
         "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
-        "padding": tightest and _padding(case, tightest),
         "tightest": tightest and tightest_text(case.case, tightest),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
+        "plan": plan_section(case),
         "choices": list(shown_choices(case)),
         "speeds": found and (found.slowest, found.fastest),
     }
@@ -359,16 +326,6 @@ def _profile(best: RankedRoute, title: str, anchor: str) -> Markup:
         label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel, m)}, speed over "
         f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
-    )
-
-
-def _padding(case: RunCase, tightest: renew.Tightest) -> Markup:
-    """Plot the reach of turns at the best route's tightest place."""
-    return page_svg(
-        padding_figure(tightest, case.case.projection.scale),
-        identity=f"season-{case.number + 1}-padding",
-        label="How far hard-over turns reach at the tightest place of the best route of "
-        f"{case.title}",
     )
 
 
@@ -530,3 +487,79 @@ def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
         "way": way,
         "place": "" if place is None else place_on_map(water, place),
     }
+
+
+def plan_section(case: RunCase) -> dict[str, Any] | None:
+    """Return sentences and table of a case's passage plan; None without a route, and in a plane."""
+    if not case.routes or case.run.scenario.is_planar:
+        return None
+    points = case_waypoints(case)[0]
+    headings = {name: words for name, words in leg_headings(points).items() if words}
+    return {
+        "sentences": [
+            _vessel_text(points),
+            _times_text(points),
+            (
+                "Within a leg's cross-track limits the vessel stays out of the soft no-go zone. "
+                f"Legs are {points.curve.lower()}s; positions are WGS 84."
+            ),
+            *_autopilot_texts(case),
+        ],
+        "headings": list(headings.values()),
+        "rows": [
+            [row.get(name, "") for name in headings] for row in rows(points, case.spec.departure)
+        ],
+    }
+
+
+def _vessel_text(points: Waypoints) -> str:
+    """Say which vessel sails, its speed through the water, how it turns, and the way's length."""
+    vessel = points.ranked.case.scenario.vessel
+    name = vessel_name(points.ranked.case.scenario)
+    speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S
+    through = f"{speeds.min():.2f} kn"
+    if has_speeds(points):
+        through = f"{' to '.join(text.speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
+    return (
+        f"Vessel: {', '.join(filter(None, (name, f'{vessel.length_m:g} m long')))}; {through} "
+        f"through the water, turns at {vessel.turn_rate_deg_s:.3g}° a second. "
+        f"{points.metrics.length_m / NAUTICAL_MILE_M:.1f} NM by waypoints, "
+        f"{text.speed_over_ground(points.metrics) * KNOTS_PER_M_S:.2f} kn over ground on average."
+    )
+
+
+def _times_text(points: Waypoints) -> str:
+    """Say when the vessel leaves and arrives, and how long the planned path takes."""
+    planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
+    case = points.ranked.case
+    spec = case.spec
+    texts = ["Times are since departure: none was given."]
+    if spec.departure is not None:
+        arrival = time_after(spec.departure, sailed_s)
+        leaves = text.moment_text(time_after(spec.departure, 0))
+        texts = [f"Departure {leaves}, arrival {text.moment_text(arrival)}."]
+        choice = case.departure_choice
+        by = spec.arrive_by if choice is None else choice.arrive_by
+        if by is not None and text.to_minute(arrival) > text.to_minute(by):
+            late = text.duration((text.to_minute(arrival) - text.to_minute(by)).total_seconds())
+            texts += [f"That is {late} after {text.moment_text(by)}: leave {late} earlier."]
+    if text.duration(planned_s) != text.duration(sailed_s):
+        planned = text.duration(planned_s)
+        texts += [
+            "Times are for the legs, with the vessel heading into the cross-current;",
+            f"the planned path takes {planned}.",
+        ]
+    return " ".join(texts)
+
+
+def _autopilot_texts(case: RunCase) -> Iterator[str]:
+    """Yield what the navigator has to set on an autopilot, because the mission's file can't."""
+    if fence_of(case) is None:
+        yield (
+            f"The mission has no fence: no fence with {MAX_VERTICES} vertices or fewer was found "
+            "that holds the legs and stays out of the soft no-go zone; draw one by hand."
+        )
+    yield (
+        "On an autopilot, set Loiter or Hold, not return, for a lost link and a fence breach: a "
+        "return is a straight line, whatever lies on it; Hold lets the vessel drift."
+    )

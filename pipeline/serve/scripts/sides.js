@@ -4,7 +4,7 @@ import { button, make } from "./elements.js";
 import { SEASON_COLOURS, formatClearance, formatDecimals, formatDistance, formatTime } from "./map.js";
 
 // Kinds of file in the reader's words, by the ends of their names.
-const KINDS = { "-all.gpx": "GPX, all ways", ".gpx": "GPX", ".rtz": "RTZ", ".kml": "KML", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".grb": "GRIB of currents", ".nc": "NetCDF of currents", ".pdf": "Passage plan (PDF)", ".gpkg": "GeoPackage", ".csv": "CSV", ".zip": "Missions", ".toml": "Scenario" };
+const KINDS = { "-all.gpx": "GPX, all ways", ".gpx": "GPX", ".rtz": "RTZ", ".geojson": "GeoJSON", ".plan": "QGroundControl", ".waypoints": "ArduPilot", ".nc": "NetCDF of currents", ".gpkg": "GeoPackage", ".csv": "CSV", ".toml": "Scenario" };
 const DAY_S = 86400;
 
 const percent = (share) => `${formatDecimals(100 * share, 1)} %`;

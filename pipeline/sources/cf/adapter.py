@@ -28,7 +28,7 @@ from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, MemberGrid, Note
 from pipeline.model.inputs import CurrentSource, Issue, bilinear
-from pipeline.scenario.season import CYCLES, FILES, STILL, MembersSpec, Season, StreamConstants
+from pipeline.scenario.season import FILES, STILL, MembersSpec, Season, StreamConstants
 from pipeline.sources import plausibility
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import fatal_files, is_zarr, open_dataset
@@ -461,8 +461,7 @@ class CfMembers(CurrentSource):
         """Read each member, checked like any current, and take their mean.
 
         A member that is refused, or on other nodes or at other times than the first one that can be
-        used, is left out, and a note names it. If the members are forecasts in folders, the newest
-        must be usable, and is enough.
+        used, is left out, and a note names it.
         """
         used: list[tuple[str, CurrentGrid, float]] = []
         reasons: list[str] = []
@@ -471,8 +470,6 @@ class CfMembers(CurrentSource):
             try:
                 grid = source.current(region, case, land, folder)
             except RequestError as error:
-                if self._are_cycles and not used:
-                    raise
                 reasons.append(f"{name}: {'; '.join(str(error).splitlines())}")
                 continue
             if used and (differs := _difference(grid, used[0][1])):
@@ -481,15 +478,13 @@ class CfMembers(CurrentSource):
             used.append((name, grid, weight))
         left_out = [Note.of("member-left-out", reason=reason) for reason in reasons]
         choose = self.spec.choose
-        needed, whose = (1 if self._are_cycles else _LEAST), "an ensemble has"
+        needed, whose = _LEAST, "an ensemble has"
         if choose in QUANTILES:
             needed, whose = FEWEST, f"members.choose = {choose!r} needs"
         if len(used) < needed:
             few = f"{len(used)} of {len(members)} members can be used, and {whose} {needed}"
             remedy = "or choose by the mean" if choose in QUANTILES else "or leave 'members' out"
             raise RequestError("; ".join([*reasons, f"{few}; give more, {remedy}"]))
-        if len(used) == 1:
-            return replace(used[0][1], notes=(*used[0][1].notes, *left_out))
         weights = np.array([weight for *_, weight in used])
         if (weights > 0).sum() < _LEAST:
             raise RequestError("members.weights leave less than two members; raise them")
@@ -520,19 +515,6 @@ class CfMembers(CurrentSource):
                 for name, file in zip(names, files, strict=True)
             ]
             what = f"{len(members)} file{'s' * (len(members) != 1)}"
-        elif self._are_cycles:
-            folders = sorted({file.parent for file in files}, key=lambda folder: folder.name)[::-1]
-            if len({folder.name for folder in folders}) < len(folders):
-                raise RequestError(
-                    "members.along = 'cycles' needs folders of different names, one a forecast: "
-                    f"{', '.join(folder.name for folder in folders)}"
-                )
-            members = [
-                (folder.name, CfFiles(tuple(map(str, own)), pair=self.pair))
-                for folder in folders
-                if (own := [file for file in files if file.parent == folder])
-            ]
-            what = f"{len(members)} folder{'s' * (len(members) != 1)}"
         else:
             along = self.spec.along
             size = _size_along(files, along)
@@ -541,15 +523,9 @@ class CfMembers(CurrentSource):
                 (name, CfFiles(self.paths, index=index, pair=self.pair)) for name, index in each
             ]
             what = f"{size} along {along}"
-        least = 1 if self._are_cycles else _LEAST
-        if not least <= len(members) <= _MOST:
-            raise RequestError(f"members: {what}; there must be {least} to {_MOST}")
+        if not _LEAST <= len(members) <= _MOST:
+            raise RequestError(f"members: {what}; there must be {_LEAST} to {_MOST}")
         return members
-
-    @property
-    def _are_cycles(self) -> bool:
-        """Whether the members are forecasts in folders, the newest first."""
-        return self.spec.along == CYCLES
 
     def _weights(self, count: int) -> Sequence[float]:
         """Return a weight for each member; RequestError for another number of weights."""

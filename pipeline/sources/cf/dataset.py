@@ -28,7 +28,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.machine.workers import Worker, WorkerEndedError
-from pipeline.sources.cf import grib, rasters, s100
+from pipeline.sources.cf import grib, s100
 from pipeline.sources.quantities import CURRENT, Quantity
 from pipeline.texts import acts, clean
 
@@ -40,7 +40,10 @@ if TYPE_CHECKING:
 _HEADER_BYTES = 100
 # First bytes of a NetCDF 4 file.
 _HDF5 = b"\x89HDF"
-_NEITHER = "it is neither NetCDF, Zarr, GRIB, S-100, BAG nor GeoTIFF; convert it to NetCDF"
+_NEITHER = (
+    "it is neither NetCDF, Zarr, GRIB nor S-100; convert it to NetCDF, a GeoTIFF by GDAL's "
+    "`gdalwarp -t_srs EPSG:4326 -of netCDF`"
+)
 # Files that make a folder a Zarr store.
 _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 # Largest number of values of an axis: 57 years of hours, or cells of 80 m round the world.
@@ -169,9 +172,7 @@ def _converted(path: Path, quantity: Quantity) -> "xr.Dataset | None":
     with reading():
         if not path.is_file():
             return None
-        if s100.is_s100(path):
-            return s100.as_dataset(path)
-        return rasters.as_dataset(path) if rasters.is_raster(path) else None
+        return s100.as_dataset(path) if s100.is_s100(path) else None
 
 
 def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a store's type is

@@ -1,8 +1,8 @@
-"""Official water on grids, HDF5 by the IHO's S-100: S-111 currents, S-104 levels, S-102 depths.
+"""Official water on grids, HDF5 by the IHO's S-100: S-111 currents and S-102 depths.
 
 They become datasets by the CF conventions. Units and fill values are those that the file's own
-`Group_F` states, as text. Sources are S-100 part 10c (editions 4 and 5), S-111 1.0 to 2.0, S-104
-2.0 and S-102 3.0. GDAL's drivers read one time at a time, and no irregular points; NOAA's s100py
+`Group_F` states, as text. Sources are S-100 part 10c (editions 4 and 5), S-111 1.0 to 2.0
+and S-102 3.0. GDAL's drivers read one time at a time, and no irregular points; NOAA's s100py
 writes such files, and needs GDAL's Python bindings, which have no wheels.
 """
 
@@ -24,10 +24,9 @@ _HDF5 = b"\x89HDF"
 _VARIABLES: Mapping[str, Mapping[str, str]] = {
     "surfaceCurrentSpeed": {"standard_name": "sea_water_speed"},
     "surfaceCurrentDirection": {"standard_name": "sea_water_velocity_to_direction"},
-    "waterLevelHeight": {"standard_name": "water_surface_height_above_reference_datum"},
     "depth": {"standard_name": "sea_floor_depth_below_geoid", "positive": "down"},
 }
-_FEATURES = ("SurfaceCurrent", "WaterLevel", "BathymetryCoverage")
+_FEATURES = ("SurfaceCurrent", "BathymetryCoverage")
 # Coding formats that are read: a regular grid, and points in any order.
 _REGULAR = 2
 _POINTS = 3
@@ -107,7 +106,7 @@ def is_from_s100(dataset: "xr.Dataset") -> bool:
 
 def option_of(dataset: "xr.Dataset") -> str:
     """Say where an S-100 dataset is to be given; "" for others."""
-    options = {"surfaceCurrentSpeed": "currents", "waterLevelHeight": "tide", "depth": "depths"}
+    options = {"surfaceCurrentSpeed": "currents", "depth": "depths"}
     option = next((own for name, own in options.items() if name in dataset.data_vars), "")
     return f"; it is for --{option}" if option and is_from_s100(dataset) else ""
 
@@ -250,7 +249,7 @@ def _credit(about: Mapping[str, Any]) -> dict[str, str]:
     """Return a file's attributes by the CF conventions, with its time of issue."""
     product = _text(about.get("productSpecification", "S-100"))
     place = _text(about.get("geographicIdentifier", ""))
-    method = about.get("methodCurrentsProduct", about.get("methodWaterLevelProduct", ""))
+    method = about.get("methodCurrentsProduct", "")
     issued = "".join(
         re.sub(r"\D", "", _text(about.get(key, "")))[:size]
         for key, size in (("issueDate", 8), ("issueTime", 6))

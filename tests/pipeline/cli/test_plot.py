@@ -117,7 +117,7 @@ def test_a_failed_season_leaves_the_others_figures(tmp_path: Path) -> None:
         {"name": "torrent", "uniform": {"u": 3.0, "v": 0.0}},
     ]
     file = tmp_path / "asked.toml"
-    file.write_text(scenario_text(scenario(classes=1, seasons=seasons, published=None)))
+    file.write_text(scenario_text(scenario(classes=1, seasons=seasons)))
     figures = ("--figure", "routes", "--figure", "along", "--format", "svg")
     asked = (str(file), "--output", str(tmp_path), *figures)
     code, out, err = invoke(*asked)

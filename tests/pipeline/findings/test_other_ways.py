@@ -66,7 +66,6 @@ def straits(
         vessel=vessel,
         seasons=[STILL],
         planner={"classes": 4, "clearance": clearance, "distinct_by": 2000.0},
-        published=None,
     )
     assert asked.region is not None
     simplified = simplify_land(

@@ -15,7 +15,6 @@ from pipeline.findings.result import (
     RunResult,
     continued,
     crossing_notes,
-    has_all_depths,
     route_unknowns,
 )
 from pipeline.geo.projection import DepthCover, Projection
@@ -24,7 +23,7 @@ from pipeline.model.inputs import Note
 from pipeline.scenario.region import ChartSpec
 from pipeline.stages.measure import shore_crossings
 from tests.pipeline.formats import small_run
-from tests.pipeline.results import rows_of, with_measures, with_rows
+from tests.pipeline.results import with_measures, with_rows
 from tests.true_scale import GEOD
 
 NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
@@ -111,9 +110,6 @@ def test_missing_depths_are_reported_and_complete_ones_are_not() -> None:
     assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
     complete = with_shares(small_run.parts(), {}, 0.0)
     assert note_texts(complete.unknowns) == []
-    assert all(has_all_depths(row) for row in rows_of(complete))
-    without_depths = rows_of(small_run.parts())
-    assert not any(has_all_depths(row) for row in without_depths)
 
 
 def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:

@@ -33,7 +33,7 @@ from pipeline.findings.route_profile import (
 )
 from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
 from pipeline.formats.passage.missions import write_mission, write_plan
-from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_rtz
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     MAX_EXTRA_FUEL,
@@ -330,12 +330,9 @@ def times_in_files(result: RunResult, season: str, folder: Path) -> dict[str, li
     calculated = etree.parse(str(folder / "a.rtz")).findall(".//{*}scheduleElement")
     write_gpx(result.case(season), folder / "a.gpx", departure=DEPARTURE)
     route = gpxpy.parse((folder / "a.gpx").read_text("utf-8")).routes[0]
-    write_kml(result.case(season), folder / "a.kml", departure=DEPARTURE)
-    passed = etree.parse(str(folder / "a.kml")).findall(".//{*}when")
     return {
         ".rtz": [datetime.fromisoformat(one.get("eta", one.get("etd"))) for one in calculated],
         ".gpx": [point.time for point in route.points if point.time is not None],
-        ".kml": [datetime.fromisoformat(one.text) for one in passed],
     }
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pipeline.findings.sentences import CaseFacts, clock_text
-from pipeline.findings.text import gap_figure, gap_text
-from pipeline.model import ClockWorth, Energy, GapShares, Passage, RouteMetrics
+from pipeline.findings.sentences import CaseFacts
+from pipeline.findings.text import gap_figure
+from pipeline.model import Energy, Passage, RouteMetrics
 
 BEST = RouteMetrics(
     rank=1,
@@ -66,13 +66,6 @@ def test_each_other_route_is_told_why_it_needs_more() -> None:
     assert still.why_dearer(longer) == "100 km longer than the best route."
 
 
-def test_the_parts_of_a_gap_are_reported() -> None:
-    text = CaseFacts([BEST, OTHER], gap=GapShares(0.05, 0.08, 0.12)).verdict()[-1]
-    assert "gap of 25.0 %, the chart's simplification, margin and offing cause 5.0 %" in text
-    assert "the room for hard-over turns (padding) 8.0 %" in text
-    assert "the bound itself 12.0 %" in text
-
-
 def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
     assert CaseFacts([BEST, TWIN]).rival is TWIN
     first, reason, lead, *_ = CaseFacts([BEST, TWIN]).verdict()
@@ -128,16 +121,6 @@ def test_the_gain_from_the_current_is_relative_to_each_routes_own_speed() -> Non
     faster = replace(OTHER, speed_m_s=1.251, duration_s=OTHER.length_m / 1.25)
     said = CaseFacts([replace(BEST, speed_m_s=0.75), faster]).because()
     assert "the current adds 0.50 m/s (adds nothing there)" in said
-
-
-def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
-    worth = ClockWorth(100.0, 110.0, math.inf, 100.0, 90.0, in_time=True)
-    text = clock_text(worth)
-    assert "at speeds that bring the vessel to the goal in time, the plan on the current" in text
-    assert "on its mean over the voyage comes too late" in text
-    text = clock_text(replace(worth, in_time=False))
-    assert "departure on, the plan" in text
-    assert "can't be sailed" in text
 
 
 def test_where_there_is_no_current_to_speak_of_it_is_no_reason() -> None:
@@ -208,9 +191,6 @@ def test_a_bound_below_half_the_fuel_is_called_of_no_use() -> None:
     assert gap_figure(3.7) == "no useful bound"
     assert gap_figure(1.0) == "100.0 %"
     assert "370" not in text
-    assert "too loose" in gap_text(GapShares(0.5, 0.8, 2.4), "land")
-    worth = ClockWorth(best=470.0, frozen=480.0, mean=480.0, shortest=480.0, bound=100.0)
-    assert clock_text(worth).endswith("There is no useful bound on what a better route could save.")
 
 
 def test_of_a_current_that_is_not_known_nothing_is_proven() -> None:

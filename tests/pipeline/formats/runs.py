@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from functools import cache
+from unittest import mock
 
 import numpy as np
 import shapely
 
 from pipeline.findings.result import RunResult
+from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, SimplifiedLand
 from pipeline.scenario.model import Scenario
 from pipeline.stages.plan_case import plan_case
@@ -26,17 +28,15 @@ def planned(
     goal: tuple[float, float],
     *,
     scale: float = 1000.0,
-    crs: str | None = None,
     **changes: object,
 ) -> RunResult:
     """Plan in a current with eddies between islands (degrees), and evaluate the routes."""
     asked = small_run.scenario(
-        region={"bbox": list(bbox), "crs": crs},
+        region={"bbox": list(bbox)},
         start=list(start),
         goal=list(goal),
         scale=scale,
         seasons=[{"name": SEASON, "valid": "2024-07", "currents": ["table"]}],
-        published=None,
         **changes,
     )
     got = Fetched(Land(tuple(islands), (small_run.LAND,), 60.0), (_stream(bbox),))
@@ -129,7 +129,9 @@ def stretched() -> RunResult:
     """From 41 to 59 degrees north in Mercator's plane, which stretches it by 1.3 to 1.9."""
     bbox = (-30.0, 40.0, -20.0, 60.0)
     islands = _islands(2, bbox, 2, 0.05)
-    return planned(bbox, islands, (-28.0, 41.0), (-22.0, 59.0), scale=5000.0, crs="EPSG:3395")
+    plane = Projection("EPSG:3395", 5000.0, -25.0)
+    with mock.patch.object(Projection, "for_region", return_value=plane):
+        return planned(bbox, islands, (-28.0, 41.0), (-22.0, 59.0), scale=5000.0)
 
 
 @cache

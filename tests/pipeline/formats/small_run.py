@@ -63,13 +63,6 @@ def scenario(**changes: object) -> Scenario:
             {"name": "winter", "title": "December", "valid": "2024-12", "currents": ["table"]},
         ],
         "planner": {"classes": 4},
-        "published": {
-            "origin": "Some paper, at 1:5000",
-            "scale": 5000.0,
-            "rows": [
-                {"label": "Theirs", "season": "winter", "fuel": 20.0, "length": 22.5, "side": "n"}
-            ],
-        },
     }
     return Scenario.model_validate({**content, **changes})
 
@@ -86,7 +79,6 @@ def planar_scenario() -> Scenario:
         start=[10.0, 10.0],
         goal=[90.0, 90.0],
         seasons=[{"name": "gyre", "gyre": {"amplitude": 0.5}}],
-        published=None,
     )
 
 

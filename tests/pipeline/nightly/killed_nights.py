@@ -73,7 +73,6 @@ class Reader:
         assert pq.read_metadata(folder / "history.parquet").num_rows > 0
         assert (folder / "index.html").read_text().endswith("</html>")
         assert (folder / "changes.csv").read_text().startswith("case,")
-        assert json.loads((folder / "item.json").read_text())["id"] == folder.name
         with contextlib.closing(
             sqlite3.connect(f"file:{folder}/routes.gpkg?mode=ro", uri=True)
         ) as db:

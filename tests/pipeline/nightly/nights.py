@@ -121,10 +121,6 @@ def contents(output: Path) -> dict[str, Any]:
                 shapes.tolist(),
                 [[str(value) for value in column] for column in columns],
             )
-        elif path.name == "item.json":
-            held[path.name] = json.loads(path.read_text())
-            if held[path.name]["id"].startswith("undated"):  # its time is that of the making
-                del held[path.name]["properties"]["datetime"]
         elif path.name != "night.json":
             held[path.name] = path.read_bytes()
     return held

@@ -168,16 +168,6 @@ def test_pairs_on_land_are_named_by_their_row(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("kind", ["a FIFO", "a device"])
-def test_metrics_that_are_no_file(tmp_path: Path, kind: str) -> None:
-    metrics = Path("/dev/zero") if kind == "a device" else tmp_path / "metrics.prom"
-    if kind == "a FIFO":
-        os.mkfifo(metrics)
-    result = renew("run", "--config", plane_night(tmp_path), "--metrics", metrics)
-    assert result.exit_code == 2
-    assert faults(result) == [f"--metrics: {metrics} is no file; name one to replace"]
-
-
 def test_currents_not_there_yet_ask_to_come_again(tmp_path: Path) -> None:
     result = renew("run", "--config", region_night(tmp_path), "--output", tmp_path / "out")
     assert result.exit_code == 5

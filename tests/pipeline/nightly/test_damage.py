@@ -17,7 +17,7 @@ from pipeline.nightly.night import NightOutcome, run_night
 from tests.pipeline.nightly.nights import REFERENCE, region_night, rows, write_forecast
 
 _TABLES = ("cases.parquet", "history.parquet")
-_OTHERS = ("routes.parquet", "routes.gpkg", "changes.csv", "index.html", "item.json")
+_OTHERS = ("routes.parquet", "routes.gpkg", "changes.csv", "index.html")
 
 
 def _empty(path: Path) -> None:

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from pipeline.errors import RequestError
-from pipeline.nightly.cases import expand
 from pipeline.nightly.config import load_config
 from pipeline.nightly.night import NightOutcome, run_night
 from tests.pipeline.nightly.nights import REFERENCE, region_night, rows, write_forecast
@@ -67,9 +65,3 @@ def test_a_departure_into_waves_fails_and_a_later_one_is_planned(
     write_waves(tmp_path / "waves.nc", until=0)
     _run(file, cluster)
     assert [row["status"] for row in rows(tmp_path / "out")] == ["planned", "planned"]
-
-
-def test_a_wait_is_refused(tmp_path: Path) -> None:
-    file = limited_night(tmp_path, 'waves = ["waves.nc"]\nwave_m = 1.2\nwait = "6h"')
-    with pytest.raises(RequestError, match=r"has 'limits\.wait', which a night can't plan with"):
-        expand(load_config(file))

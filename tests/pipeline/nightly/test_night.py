@@ -13,12 +13,12 @@ from pathlib import Path
 import geopandas
 import pyarrow as pa
 import pyarrow.parquet as pq
-import pystac
 import pytest
 import shapely
 
 import renew
 from pipeline.errors import RequestError, StageError
+from pipeline.findings.choices import ENSEMBLE_FIGURES, ensemble_figures, side_shares
 from pipeline.nightly.config import load_config
 from pipeline.nightly.currents import ComeAgainError
 from pipeline.nightly.cycles import Partial, Row, rows_of_parts
@@ -60,7 +60,6 @@ def test_a_first_night_is_whole_and_a_second_run_touches_nothing(
         "changes.csv",
         "history.parquet",
         "index.html",
-        "item.json",
         "night.json",
         "routes.gpkg",
         "routes.parquet",
@@ -167,13 +166,6 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(tmp_path: Path, cl
             chart=result.water.chart,
         )
         assert case["keep_fuel"] == pytest.approx(kept, rel=1e-12)
-
-
-def test_the_item_is_valid_by_the_schemas_that_pystac_carries(finished: Path) -> None:
-    item = pystac.Item.from_file(str(finished / "latest" / "item.json"))
-    assert item.validate()
-    for asset in item.assets.values():
-        assert (finished / "latest" / asset.href).is_file()
 
 
 @pytest.mark.slow
@@ -284,3 +276,26 @@ def test_a_table_of_an_earlier_version_without_islands_is_read(tmp_path: Path) -
     assert list(routes) == ["quick/still"]
     assert routes["quick/still"].columns()["earlier_side"] == "west of Palawan"
     assert routes["quick/still"].island == ""
+
+
+@pytest.mark.slow
+def test_a_case_with_members_equals_a_run_of_its_season(tmp_path: Path, cluster: str) -> None:
+    file, members = plane_night(tmp_path, pairs=1), "{ spread = 0.1, eddy_km = 0.05, count = 6 }"
+    scenario = tmp_path / "quick.toml"
+    scenario.write_text(
+        scenario.read_text().replace("[planner]", f"members = {members}\n[planner]")
+    )
+    file.write_text(file.read_text().replace('pairs = "pairs.csv"\n', ""))
+    run_night(load_config(file, tmp_path / "out"), scheduler=cluster)
+    result = result_of(load_scenario(str(scenario)), tmp_path / "run")
+    (case,) = rows(tmp_path / "out")
+    own = [one.metrics for one in result.routes]
+    found = result.results[0].ensemble
+    assert found is not None
+    for row, metrics in zip(rows(tmp_path / "out", "routes.parquet"), own, strict=True):
+        for name in ("fuel", "trials", "members_share", "members_cvar90_fuel", "members_regret"):
+            assert row[name] == getattr(metrics, name)
+    figures = {name: case[name] for name in ENSEMBLE_FIGURES}
+    assert figures == ensemble_figures(found, own)
+    close = "" if found.is_sure else "too close to call: "
+    assert case["members_sides"] == close + side_shares(found, own)

@@ -1,4 +1,4 @@
-"""A night stopped by a signal always reports that to the service and in its metrics."""
+"""A night stopped by a signal always reports that to the service."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from tests.pipeline.nightly.killed_nights import night
 from tests.pipeline.nightly.nights import plane_night
@@ -22,18 +21,10 @@ SEED = 20_261_123
 STOPS = int(os.environ.get("RENEW_NIGHT_STOPS", "20"))
 
 
-def _last_exit_code(file: Path) -> float:
-    families = text_string_to_metric_families(file.read_text())
-    samples = [sample for family in families for sample in family.samples]
-    return next(one.value for one in samples if one.name == "renew_nightly_last_exit_code")
-
-
 def _stop(folder: Path, service: Service, number: int, after_s: float) -> str:
     """Stop a night after some time; return what it did not report, or printed wrongly."""
     service.asked.clear()
-    metrics = folder / "renew.prom"
-    metrics.unlink(missing_ok=True)
-    options = ("--metrics", str(metrics), "--ping", f"{service.url}/ID")
+    options = ("--ping", f"{service.url}/ID")
     output = folder / f"out-{random.getrandbits(32):x}"
     with started(*night(folder / "night.toml", output, *options)) as process:
         wait_until(lambda: service.asked)
@@ -53,8 +44,6 @@ def _stop(folder: Path, service: Service, number: int, after_s: float) -> str:
         faults.append(errors[-1500:])
     if service.asked not in (["/ID/start", "/ID/fail"], ["/ID/start", "/ID"]):
         faults.append(f"reported {service.asked}")
-    if not metrics.exists() or _last_exit_code(metrics) not in {0, 10, process.returncode}:
-        faults.append("no metrics")
     return "; ".join(faults)
 
 
@@ -74,7 +63,6 @@ def test_every_stop_is_reported(tmp_path: Path, service: Service) -> None:
 
 _WATCHED = """
 import sys, time
-from pathlib import Path
 from pipeline.cli import failures
 from pipeline.cli.night_watch import watched
 failures._GRACE_S = 0.5
@@ -86,17 +74,14 @@ def night():
         print("ready", flush=True)
         time.sleep(60)
 with failures.ending_promptly():
-    watched(night, metrics=Path(sys.argv[1]), url=sys.argv[2], on_event=lambda event: None)
+    watched(night, url=sys.argv[1], on_event=lambda event: None)
 """
 
 
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_the_end_is_reported_before_anything_is_closed(
-    tmp_path: Path, service: Service, number: int
-) -> None:
-    metrics = tmp_path / "renew.prom"
-    command = (sys.executable, "-c", _WATCHED, str(metrics), f"{service.url}/ID")
+def test_the_end_is_reported_before_anything_is_closed(service: Service, number: int) -> None:
+    command = (sys.executable, "-c", _WATCHED, f"{service.url}/ID")
     with started(*command) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
@@ -106,7 +91,6 @@ def test_the_end_is_reported_before_anything_is_closed(
         assert process.returncode == 128 + number
         assert time.monotonic() - begun < 20
     assert service.asked == ["/ID/start", "/ID/fail"]
-    assert _last_exit_code(metrics) == 128 + number
     assert errors.count("\n") == 1
 
 

@@ -140,7 +140,6 @@ def off_boston(draw: Draw) -> dict[str, Any]:
         "chart": {**chart, "datum": "MLLW", "depths": "shallow.nc" if has_tide else "deep.nc"},
         "seasons": [season],
         "planner": planner(draw),
-        "outputs": {"explain_gap": draw(FEW)},
         "scale": draw(SCALES),
     }
     if has_tide:
@@ -182,7 +181,6 @@ def in_a_plane(draw: Draw) -> dict[str, Any]:
         "plane": {"extent": [0, 0, 100, 100], "obstacles": [ISLAND_M]},
         "seasons": [season],
         "planner": planner(draw),
-        "outputs": {"explain_gap": draw(FEW)},
         "scale": draw(SCALES),
     }
     if draw(FEW):

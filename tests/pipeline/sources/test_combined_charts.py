@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 import shutil
 import subprocess
 import time
@@ -279,7 +278,7 @@ def test_a_curvilinear_grid_text_and_damage_are_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.nc").write_bytes(whole[: len(whole) // 2])
     for name, reason in (
         ("bent.nc", "nothing says at which longitude"),
-        ("text.nc", "neither NetCDF, Zarr, GRIB, S-100, BAG nor"),
+        ("text.nc", "neither NetCDF, Zarr, GRIB nor S-100"),
         ("cut.nc", "bytes before its last value"),
         ("absent.nc", "does not exist"),
     ):
@@ -288,95 +287,21 @@ def test_a_curvilinear_grid_text_and_damage_are_refused(tmp_path: Path) -> None:
         assert len(caught.value.faults) == 1
 
 
-def _by_gdal(folder: Path, *steps: str) -> Path:
-    """Make a raster of the heights by GDAL's commands, each of the last one's result."""
-    if shutil.which("gdal_translate") is None:
+def test_a_geotiff_is_refused_with_the_command_that_makes_netcdf_of_it(tmp_path: Path) -> None:
+    if shutil.which("gdalwarp") is None:
         pytest.skip("GDAL's commands are not installed")
-    data = depth_grids.dataset(LON, LAT, np.where(HEIGHT > 60, np.nan, HEIGHT), "elevation")
-    data.to_netcdf(folder / "0.nc", encoding={"elevation": {"_FillValue": -9999.0}})
-    file = folder / "0.nc"
-    for number, step in enumerate(steps, 1):
-        made = folder / f"{number}.{'bag' if 'BAG' in step else 'tif'}"
-        command, *options = step.split()
-        subprocess.run([command, "-q", *options, file, made], check=True)
-        file = made
-    return file
-
-
-@pytest.mark.parametrize(
-    "how",
-    [
-        "-ot Float32 -co TILED=YES -co COMPRESS=DEFLATE -co PREDICTOR=3",
-        "-ot Float32 -co COMPRESS=ZSTD -co BIGTIFF=YES",
-        "-ot Int16 -co COMPRESS=LZW -co PREDICTOR=2 -mo AREA_OR_POINT=Point",
-        "-of BAG",
-    ],
-)
-def test_rasters_of_gdal_are_read_to_the_bit(tmp_path: Path, how: str) -> None:
-    path = _by_gdal(tmp_path, f"gdal_translate -a_srs EPSG:4326 {how}")
-    if "BAG" not in how:
-        with pytest.raises(RequestError, match=r"does not say .* say it: 1.tif,positive=up for"):
-            DepthFile.open(path)
-    found = DepthFile.open(path, "" if "BAG" in how else "up")
-    heights = found.heights((-180, -90, 180, 90))
-    assert heights is not None
-    kind = np.int16 if "Int16" in how else np.float32
-    stored = np.where((HEIGHT > 60) | np.isnan(HEIGHT), -9999.0, HEIGHT).astype(kind)
-    np.testing.assert_array_equal(np.nan_to_num(heights.height_m, nan=-9999.0), stored)
-    np.testing.assert_allclose(heights.lon, LON, atol=1e-9)
-    np.testing.assert_allclose(heights.lat, LAT, atol=1e-9)
-
-
-def test_a_vertical_crs_says_direction_and_datum(tmp_path: Path) -> None:
-    first = "gdal_translate -a_srs EPSG:4326 -ot Float32 -scale -100 100 100 -100"
-    path = _by_gdal(tmp_path, first, "gdalwarp -t_srs EPSG:32630+5866 -tr 3000 3000")
-    found = DepthFile.open(path)
-    assert (found.sign, found.datum) == (-1.0, "MLLW")
-    heights = found.heights(REGION.bounds)
-    assert heights is not None
-    # Between two nodes of the file the height of the table is that of the higher one or above.
-    near = np.ix_(
-        *(
-            np.abs(own[:, None] - axis).argmin(1)
-            for own, axis in ((heights.lat, LAT), (heights.lon, LON))
-        )
-    )
-    known = np.isfinite(heights.height_m)
-    assert known.mean() > 0.9
-    assert np.median(np.abs(heights.height_m - HEIGHT[near])[known]) < 5.0
-    with pytest.raises(RequestError, match="positive down by its name or what it says, not up"):
-        DepthFile.open(path, "up")
-
-
-@pytest.mark.parametrize(
-    ("steps", "said"),
-    [
-        (
-            ("gdal_translate -b 1 -b 1 -ot Float32 -a_srs EPSG:4326",),
-            "`gdal_translate -b 1 -ot Float32 -co",
-        ),
-        (
-            ("gdal_translate -co COMPRESS=LERC -ot Float32 -a_srs EPSG:4326",),
-            "-co COMPRESS=DEFLATE 1.tif",
-        ),
-        (("gdal_translate -ot Float64 -a_srs EPSG:4326",), "`gdal_translate -b 1 -ot Float32 -co"),
-        (
-            ("gdal_translate -ot Float32 -a_srs +proj=aeqd",),
-            "`gdalwarp -t_srs EPSG:4326 1.tif 1_read.tif`",
-        ),
-    ],
-)
-def test_rasters_that_are_not_read_are_named_with_a_command_that_helps(
-    tmp_path: Path, steps: tuple[str, ...], said: str
-) -> None:
-    path = _by_gdal(tmp_path, *steps)
-    with pytest.raises(RequestError, match=re.escape(said)) as caught:
-        DepthFile.open(path)
-    command = re.findall(r"`(.*?)`", str(caught.value))[0]
-    if "aeqd" not in steps[0]:
-        subprocess.run(shlex.split(command), check=True, cwd=tmp_path)
-        found = DepthFile.open(tmp_path / "1_read.tif", "up")
-        assert found.grid.lon.size == LON.size
+    heights = np.where(np.isnan(HEIGHT), -9999.0, HEIGHT)
+    depth_grids.dataset(LON, LAT, heights, "elevation").to_netcdf(tmp_path / "0.nc")
+    made = ["gdal_translate", "-q", "-a_srs", "EPSG:4326", "-a_nodata", "-9999", "0.nc", "1.tif"]
+    subprocess.run(made, check=True, cwd=tmp_path)
+    with pytest.raises(RequestError, match="convert it to NetCDF") as caught:
+        DepthFile.open(tmp_path / "1.tif")
+    (command,) = re.findall(r"`(.*?)`", str(caught.value))
+    subprocess.run([*command.split(), "-q", "1.tif", "1.nc"], check=True, cwd=tmp_path)
+    found = DepthFile.open(tmp_path / "1.nc", "up").heights((-180, -90, 180, 90))
+    assert found is not None
+    np.testing.assert_array_equal(np.isnan(found.height_m), np.isnan(HEIGHT))
+    np.testing.assert_allclose(found.height_m, HEIGHT, atol=1e-3)
 
 
 def test_of_curved_lines_the_highest_around_counts(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import json
-import zipfile
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -15,14 +13,11 @@ import gpxpy
 import numpy as np
 import pytest
 import shapely
-from lxml import etree
-from pymavlink import mavwp
 
 from pipeline.errors import RequestError
-from pipeline.findings.haven_rows import LAST_TURNS
 from pipeline.findings.note_words import note_texts
 from pipeline.formats.report.page import gather
-from pipeline.formats.tables import HAVEN_COLUMNS, printed_rows
+from pipeline.formats.tables import HAVEN_COLUMNS
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario
@@ -33,8 +28,6 @@ from tests.pipeline.voyage import sailing
 from tests.pipeline.voyage.waters import scenario_of
 
 WITHIN_S = 1500.0
-# MAV_CMD_NAV_WAYPOINT
-GO_TO = 16
 SHUT_UNTIL_NOON = {"path": "range.geojson", "until": "2026-11-22T12:00:00Z"}
 # Near the start, near the goal, on the island, and off the chart.
 HAVENS = """name,lon,lat
@@ -141,54 +134,12 @@ def test_plotters_get_each_way_from_its_turn_off_to_its_haven(
     folder, known = covered[0].directory, ways(covered[0])
     found = gpxpy.parse((folder / "strait-calm-havens.gpx").read_text()).routes
     assert [route.number for route in found] == sorted(known)
-    files = {int(one.stem.split("-")[-1]): one for one in folder.glob("*-haven-*.rtz")}
-    assert {int(row["way"]) for row in rows(covered[0]) if row["kind"] in LAST_TURNS} <= set(files)
-    for number, file in files.items():
-        row, route = known[number], found[number - 1]
-        positions = etree.parse(str(file)).iterfind(".//{*}position")
-        rtz = [(float(one.get("lon")), float(one.get("lat"))) for one in positions]
+    for number, row in known.items():
+        route = found[number - 1]
         gpx = [(one.longitude, one.latitude) for one in route.points]
-        assert np.array(rtz) == pytest.approx(np.array(gpx), abs=1e-7)
         ends = [(row["lon"], row["lat"]), (row["haven_lon"], row["haven_lat"])]
         assert np.array([gpx[0], gpx[-1]]) == pytest.approx(np.array(ends, dtype=float), abs=1e-6)
         assert row["haven"] in str(route.name)
-
-
-def test_an_autopilot_gets_each_way_as_plan_and_as_mission(
-    covered: tuple[Outcome, Scenario, Path], tmp_path: Path
-) -> None:
-    folder, known = covered[0].directory, ways(covered[0])
-    with zipfile.ZipFile(folder / "strait-calm-havens-missions.zip") as archive:
-        archive.extractall(tmp_path)
-    assert len(list(tmp_path.iterdir())) == 2 * len(known)
-    for number, file in enumerate(sorted(tmp_path.glob("*.waypoints")), start=1):
-        loader = mavwp.MAVWPLoader()
-        loader.load(str(file))
-        stops = [loader.wp(index) for index in range(1, loader.count())]
-        mission = [(one.y, one.x) for one in stops if one.command == GO_TO]
-        items = json.loads(file.with_suffix(".plan").read_text())["mission"]["items"]
-        plan = [one["params"][5:3:-1] for one in items if one["command"] == GO_TO]
-        assert np.array(mission) == pytest.approx(np.array(plan), abs=2e-7)
-        row = known[number]
-        ends = [(row["lon"], row["lat"]), (row["haven_lon"], row["haven_lat"])]
-        assert np.array([plan[0], plan[-1]]) == pytest.approx(np.array(ends, dtype=float), abs=1e-6)
-    # As RTZ the main ones have the same names.
-    assert {one.stem for one in folder.glob("*-haven-*.rtz")} <= {
-        one.stem for one in tmp_path.iterdir()
-    }
-
-
-def test_stretches_of_a_few_minutes_have_no_file_of_their_own(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
-    served = set[int]()
-    for row in rows(covered[0]):
-        lasts_s = float(row["end_s"]) - float(row["begin_s"])
-        if row["way"] and (row["kind"] in LAST_TURNS or lasts_s >= WITHIN_S / 12 * (1 + 1e-3)):
-            served.add(int(row["way"]))
-    files = {int(one.stem.split("-")[-1]) for one in covered[0].directory.glob("*-haven-*.rtz")}
-    assert files == served
-    assert len(files) < len(ways(covered[0]))
 
 
 def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(
@@ -207,12 +158,12 @@ def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(
     assert set(havens.name) == {"West", "East"}
 
 
-def test_a_page_of_the_passage_plan_and_a_section_of_the_report_say_when_to_turn_off(
+def test_a_section_of_the_report_says_when_to_turn_off(
     covered: tuple[Outcome, Scenario, Path],
 ) -> None:
     (season,) = gather(covered[0].result)["seasons"]
     assert len(season["havens"]["rows"]) == len(rows(covered[0]))
-    printed = printed_rows(covered[0].result.case("calm"))
+    printed = season["havens"]["rows"]
     assert [row["kind"] for row in printed] == [row["kind"] for row in rows(covered[0])]
     (last,) = [row for row in rows(covered[0]) if row["kind"] == "abort point"][:1]
     page = next(row for row in printed if row["kind"] == "abort point")

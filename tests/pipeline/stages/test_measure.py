@@ -9,31 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, strategies as st
 
 import renew
-from pipeline.findings.sentences import clock_text
-from pipeline.findings.text import percent
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
-from pipeline.model import Case, CaseResult, ClockWorth, Water
+from pipeline.model import Case, CaseResult, Water
 from pipeline.run import Outcome
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages import measure
 from pipeline.stages.measure import (
-    clock_worth,
-    gap_shares,
-    hat_weights,
     land_within_reach,
-    mean_weights,
     measured,
 )
-from pipeline.stages.plan_case import planned as planned_case
 from renew.inputs import options
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import with_measures
-from tests.pipeline.tidal_run import planned as tidal_run
 from tests.true_scale import GEOD, clearance_m
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
@@ -212,157 +203,3 @@ def test_shares_without_figures_are_those_of_the_grids(
 
 
 # --- The parts of an optimality gap add up to it, and each is there only where its cause is ---
-
-
-EXTENT = shapely.box(-200, -100, 200, 100)
-LAND = shapely.box(-20, -60, 20, 60)
-MARGIN = 10.0
-
-
-def voyage(margin: float) -> Case:
-    """An island on the way, in a steady current, with a margin on the planner's chart."""
-    no_go = LAND.buffer(margin, quad_segs=4) if margin else LAND
-    return Case(
-        "steady",
-        Water(renew.Chart(EXTENT, [no_go], land=[LAND]), (LAND,), Projection.at(0.0, 0.0)),
-        renew.Vessel(speed=1.0, turn_rate=math.radians(10)),
-        start=np.array([-150.0, 0.0]),
-        goal=np.array([150.0, 10.0]),
-        current=renew.UniformCurrent(0.2, 0.1),
-    )
-
-
-@pytest.mark.gate_share(4)
-@pytest.mark.parametrize("margin", [0.0, MARGIN])
-@pytest.mark.parametrize("padding", ["adaptive", "none"])
-@pytest.mark.parametrize("clearance", [0.0, 4.0])
-def test_parts_add_up_and_have_their_causes(margin: float, padding: str, clearance: float) -> None:
-    risk_at = "point" if padding == "adaptive" else "route"
-    options = PlannerOptions(padding=padding, clearance=clearance, classes=2, risk_at=risk_at)
-    asked = voyage(margin)
-    season = planned_case(asked, options)
-    assert season.plan is not None
-    shares = gap_shares(asked, season, options)
-    assert shares is not None
-    parts = (shares.chart, shares.padding, shares.bound)
-    assert min(parts) >= 0
-    assert sum(parts) == pytest.approx(season.plan.best.optimality_gap)
-    # Each metre of distance from land makes the way round its corners longer.
-    assert (shares.chart > 1e-3) is bool(margin or clearance)
-    assert (shares.padding > 1e-3) is (padding == "adaptive")
-
-
-def test_the_charts_part_is_what_its_margin_costs() -> None:
-    """In still water fuel is length: the shortest ways round the two outlines."""
-    options = PlannerOptions(padding="none", clearance=0.0, classes=2)
-    asked = replace(voyage(MARGIN), current=renew.UniformCurrent(0.0, 0.0))
-    season = planned_case(asked, options)
-    assert season.plan is not None
-    shares = gap_shares(asked, season, options)
-    assert shares is not None
-    corners = shapely.get_coordinates(LAND)[:4]
-    top = corners[corners[:, 1] > 0]
-    ends = np.array([asked.start, *top[np.argsort(top[:, 0])], asked.goal])
-    shortest = float(np.linalg.norm(np.diff(ends, axis=0), axis=1).sum())
-    bound = season.plan.best.fuel / (1 + season.plan.best.optimality_gap)
-    assert shares.chart * bound == pytest.approx(season.plan.best.fuel - shortest, rel=0.02)
-
-
-def test_the_tides_part_is_what_the_way_round_a_bar_costs() -> None:
-    """In still water: a bar that is shut on the direct way, and open for the bound."""
-    options = PlannerOptions(padding="none", clearance=0.0, classes=2)
-    tide = renew.Tide(
-        {"M2": renew.Constant(1.5, 0.0)}, 2.0, np.datetime64("2026-11-22T00:00:00"), name="bar"
-    )
-    bar, shallow = shapely.box(100, -100, 110, 60), shapely.box(-150, -100, -140, -20)
-    depth = renew.TidalDepth([bar, shallow], [3.0, 9.0], tide, surge=0.0, lag=0.0)
-    shut = next(
-        time for time in np.arange(0.0, 86_400.0, 600.0) if tide.heights(np.array([time]))[0] < 1.0
-    )
-    later = renew.Tide(dict(tide.constants), 2.0, tide.epoch + np.timedelta64(int(shut), "s"))
-    depth = replace(depth, tide=later)
-    asked = replace(
-        voyage(0.0),
-        current=renew.UniformCurrent(0.0, 0.0),
-        tidal_depth=depth,
-    )
-    season = planned_case(asked, options)
-    assert season.plan is not None
-    shares = gap_shares(asked, season, options)
-    assert shares is not None
-    best = season.plan.best
-    bound = best.fuel / (1 + best.optimality_gap)
-    # From the corner of the land at (20, 60): past the end of the bar at (110, 60), or straight.
-    around = math.dist((20, 60), (110, 60)) + math.dist((110, 60), asked.goal)
-    straight = math.dist((20, 60), asked.goal)
-    assert shares.tide * bound == pytest.approx(around - straight, rel=5e-3)
-    assert shares.chart + shares.padding + shares.bound + shares.tide == pytest.approx(
-        best.optimality_gap
-    )
-
-
-def test_a_season_without_a_plan_has_no_gap() -> None:
-    failed = CaseResult("steady", None, "no way", 0.0)
-    assert gap_shares(voyage(0.0), failed, PlannerOptions()) is None
-
-
-# --- Plans without a clock, sailed in the changing current; the test repeats each by itself ---
-
-
-@given(
-    st.lists(st.floats(0.1, 5), min_size=1, max_size=8), st.floats(0, 1), st.integers(0, 2**32 - 1)
-)
-def test_the_mean_is_the_integral_of_what_is_linear_between_slices(
-    gaps: list[float], share: float, seed: int
-) -> None:
-    times = np.cumsum([-0.3 * gaps[0], *gaps])
-    values = np.random.default_rng(seed).uniform(-1, 1, len(times))
-    end = max(share * times[-1], 0.01)
-    fine = np.linspace(0, end, 20_001)
-    expected = np.trapezoid(np.interp(fine, times, values), fine) / end
-    assert mean_weights(times, end) @ values == pytest.approx(expected, abs=1e-4)
-    assert mean_weights(times, end).sum() == pytest.approx(1)
-    assert hat_weights(times, end) @ values == pytest.approx(np.interp(end, times, values))
-
-
-def test_other_plans_are_sailed_in_the_changing_current() -> None:
-    """The plan at departure is made again here, from the field asked at that time."""
-    result = tidal_run()
-    case, worth = result.planned["tide"], result.case("tide").measures.clock_worth
-    assert worth is not None
-    current, best = case.current, result.routes[0].route
-    assert worth.best == best.fuel
-    assert worth.bound <= worth.best * (1 + 1e-9)
-    assert worth.bound == pytest.approx(best.fuel_bound.value)
-
-    def at_departure(points: np.ndarray) -> np.ndarray:
-        return current.velocity(points, 0.0)
-
-    frozen = renew.plan(
-        case.chart, at_departure, case.vessel, case.start, case.goal,
-        classes=4, clearance=100.0, drift="crab", distinct_by="auto",
-    )  # fmt: skip
-    sailed = renew.fuel(frozen.best.path, current, case.vessel, drift="crab")
-    assert worth.frozen == pytest.approx(sailed, rel=2e-3)
-    shortest = renew.fuel(np.array([case.start, case.goal]), current, case.vessel, drift="crab")
-    assert worth.shortest > 0.99 * shortest, "straight through the island is no way"
-    # No plan that knows less is better, within the accuracy of the search grid.
-    assert min(worth.frozen, worth.mean, worth.shortest) > 0.999 * worth.best
-
-
-def test_the_sentence_compares_the_plans() -> None:
-    worth = ClockWorth(best=100.0, frozen=107.0, mean=100.01, shortest=math.inf, bound=98.5)
-    assert clock_text(worth) == (
-        "Sailed in the changing current from the same departure on, the plan on the current at "
-        f"departure needs {percent(0.07)} more fuel than this route, the plan on its mean over the "
-        "voyage needs as much fuel as this route, the shortest safe path can't be sailed. No route "
-        f"within the chart saves more than {percent(0.015)}."
-    )
-
-
-def test_a_steady_current_has_no_clock() -> None:
-    case, options = tidal_run().planned["tide"], tidal_run().scenario.planner
-    unplanned = CaseResult("tide", None, "no way", 0.0)
-    assert clock_worth(case, unplanned, options) is None
-    steady = replace(case, current=renew.UniformCurrent(0.1, 0.0))
-    assert clock_worth(steady, tidal_run().results[0], options) is None

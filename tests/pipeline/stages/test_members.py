@@ -128,9 +128,8 @@ def test_the_report_says_how_sure_the_side_is(result: RunResult) -> None:
 @pytest.mark.parametrize(
     ("members", "season", "says"),
     [
-        ({}, {}, "has 'members' of earlier forecasts, which needs files in 'currents'"),
-        ({"weights": [1.0, 2.0]}, {}, "has 'weights' for forecasts that a night keeps"),
-        ({"spread": 0.1, "along": "files"}, {}, "has both 'along' and 'spread'"),
+        ({}, {}, "has neither of 'along' and 'spread'"),
+        ({"spread": 0.1, "along": "files"}, {}, "has both of 'along' and 'spread'"),
         ({"spread": 0.1, "weights": [1.0, 2.0]}, {}, "has 'weights' for random members"),
         ({"along": "member"}, {}, "has members.along = 'member', which needs files with that"),
         ({"spread": 0.1, "choose": "worst"}, {}, "Give"),

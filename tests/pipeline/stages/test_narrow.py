@@ -71,7 +71,7 @@ def test_every_output_tells_it(outcome: Outcome) -> None:
     assert words.startswith("no room to turn hard over on route 1 for ")
     folder = outcome.directory
     assert words[0].upper() + words[1:] in (folder / "report.html").read_text("utf-8")
-    for file in ("harbour-still.gpx", "harbour-still.rtz", "harbour-still.kml"):
+    for file in ("harbour-still.gpx", "harbour-still.rtz"):
         assert "no room to turn hard over" in (folder / file).read_text("utf-8").lower()
     layer = geopandas.read_file(folder / "routes.gpkg", layer="narrow_stretches")
     assert layer["kept_m"].tolist()[0] == pytest.approx(dict(note.values)["kept_m"])

@@ -34,7 +34,6 @@ from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival
 from tests.pipeline.results import plain_pages
-from tests.pipeline.sources.cf.levels_files import write_s104
 from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.tidal_run import run as tidal_run, tide
 from tests.pipeline.voyage.waters import scenario_of
@@ -156,7 +155,7 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     departure = result.case("day").spec.departure
     assert departure is not None
     table = rows(points, departure)
-    assert leg_headings(points)["water"] == "Water under\nkeel, m"
+    assert leg_headings(points)["water"] == "Water under keel, m"
     depth = result.planned["day"].tidal_depth
     assert depth is not None
     tide = shapely.union_all(depth.areas)
@@ -167,34 +166,6 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     assert over
     stated = min(float(row["water"]) for row in over)
     assert stated == pytest.approx(points.ranked.metrics.least_water_m, abs=0.11)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("plain_report")
-def test_with_official_levels_the_water_at_each_place_and_hour_counts(tmp_path: Path) -> None:
-    # On the bar the sea stands as the tide at the start, and 0.35 m lower.
-    lon, lat = np.arange(-71.06, -70.95, 0.002), np.arange(42.31, 42.37, 0.002)
-    hours: FloatArray = EBB.timestamp() - 1800 + 3600.0 * np.arange(30.0)
-    tide = find_station("boston").tide(datetime.fromtimestamp(0, UTC)).heights(hours)
-    sea = tide[:, None, None] - np.where(lon > -71.015, 0.35, 0.0) * np.ones((lat.size, 1))
-    write_s104(tmp_path / "levels.h5", (lon, lat), hours, sea)
-    asked = {"stations": ["./levels.h5", "boston"], "surge_m": SURGE_M}
-    season = {"name": "day", "departure": EBB + timedelta(hours=7), "currents": ["still"]}
-    data = scenario_data(tmp_path, tide=asked, seasons=[season])
-    made = run(parse_scenario(data, tmp_path), tmp_path / "outputs")
-    texts = " ".join(note_texts(made.fetched.notes))
-    assert "levels.h5 at each place and hour, from 2026-11-22 18:00 UTC until" in texts
-    assert "within 10 km of BOSTON the official levels are for" in texts
-    with (made.directory / "metrics.csv").open(encoding="utf-8", newline="") as file:
-        best = next(csv.DictReader(file))
-    at = datetime.fromisoformat(best["least_water_at"])
-    under_keel = relied_on_m(at) - 0.35 + BAR_DEPTH_M - DRAUGHT_M
-    # The bar's band of depth begins up to 0.25 m above it, a zone is up to 0.1 m too low.
-    assert under_keel - 0.35 < float(best["least_water_m"]) <= under_keel + 0.03
-    season["departure"] = EBB + timedelta(days=3)
-    late = parse_scenario(scenario_data(tmp_path, tide=asked, seasons=[season]), tmp_path)
-    with pytest.raises(RequestError, match="has levels from 2026-11-22 18:00 UTC until"):
-        run(late, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from datetime import UTC, datetime
-from functools import reduce
-from operator import xor
 from pathlib import Path
 from typing import Any
 
@@ -111,20 +108,3 @@ def sailed(results: Path, seconds: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]
     times = [one["properties"]["time_s"] for one in points]
     lonlat = np.array([one["geometry"]["coordinates"] for one in points])
     return np.stack([np.interp(seconds, times, lonlat[:, i]) for i in (0, 1)], axis=-1)
-
-
-def rmc(seconds: float, lon: float, lat: float, *, talker: str = "GP", decimals: int = 5) -> str:
-    """Write a position at a time since the departure as a receiver does."""
-    at = datetime.fromtimestamp(tidal_run.DEPARTURE.timestamp() + seconds, UTC)
-    parts = []
-    for degrees, size, letters in ((lat, 2, "NS"), (lon, 3, "EW")):
-        whole, minutes = divmod(round(abs(degrees) * 60, decimals), 60)
-        shown = f"{minutes:0{2 + bool(decimals) + decimals}.{decimals}f}"
-        parts += [f"{int(whole):0{size}d}{shown}", letters[degrees < 0]]
-    time = f"{at:%H%M%S}.{at.microsecond // 10_000:02d}"
-    return summed(f"{talker}RMC,{time},A,{','.join(parts)},2.9,091.3,{at:%d%m%y},,,A")
-
-
-def summed(body: str) -> str:
-    """Add $ and checksum to a sentence."""
-    return f"${body}*{reduce(xor, body.encode(), 0):02X}"

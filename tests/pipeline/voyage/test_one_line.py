@@ -165,9 +165,6 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     assert shapely.covers(ISLAND, shapely.Point(-west, north))
     values = json.loads(outcome_json(outcome))
     assert values["routes"][0]["departure"] == departure.isoformat()
-    (worth,) = values["clock_worth"]
-    assert worth["fuel_bound"] <= worth["best_fuel"] == best.fuel
-    assert worth["departure_plan_fuel"] > 0.999 * best.fuel
 
 
 @pytest.fixture(scope="module")

@@ -73,7 +73,7 @@ def test_a_point_on_the_way_in_another_sea_is_refused() -> None:
     assert scenario_of(dict(PALAWAN, goal=PALAWAN["start"], via=("140,10",)))[0].via
 
 
-@pytest.mark.parametrize("option", ["adrift", "within", "endurance", "wait"])
+@pytest.mark.parametrize("option", ["adrift", "within", "endurance"])
 def test_an_interval_is_refused_by_the_name_of_its_option(option: str) -> None:
     with pytest.raises(RequestError, match=f"--{option} = '6' is not an interval"):
         scenario_of(dict(PALAWAN, **{option: "6"}))

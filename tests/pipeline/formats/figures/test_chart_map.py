@@ -7,7 +7,6 @@ import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import matplotlib as mpl
 import numpy as np
@@ -24,7 +23,7 @@ from matplotlib.text import Text
 from pipeline.findings.result import RunResult
 from pipeline.formats.appearance import COLOURS, DARK, season_colour
 from pipeline.formats.figures.chart_map import side_room_pt
-from pipeline.formats.figures.kinds import WIDTHS_PT, Kind, Width, figure
+from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.figures.map_marks import (
     arrow_outlines,
     arrows,
@@ -162,17 +161,14 @@ def with_long_labels() -> RunResult:
 
 
 @pytest.mark.parametrize("kind", Kind)
-@pytest.mark.parametrize("width", get_args(Width))
-def test_nothing_is_cut(with_long_labels: RunResult, kind: Kind, width: Width) -> None:
-    drawn = figure(with_long_labels.case("winter"), kind, width)
-    if width in WIDTHS_PT:
-        assert drawn.get_size_inches()[0] * 72 == pytest.approx(WIDTHS_PT[width])
+def test_nothing_is_cut(with_long_labels: RunResult, kind: Kind) -> None:
+    drawn = figure(with_long_labels.case("winter"), kind)
     assert ink_at_the_edge(drawn) == 0
 
 
 def test_ink_at_the_edge_is_found(result: RunResult) -> None:
     """The measure itself: a label moved over the edge is seen."""
-    drawn = figure(result.case("winter"), Kind.ROUTES, "column")
+    drawn = figure(result.case("winter"), Kind.ROUTES)
     assert ink_at_the_edge(drawn) == 0
     drawn.text(0.0, 0.5, "cut", ha="center")
     assert ink_at_the_edge(drawn) > 0
@@ -180,8 +176,8 @@ def test_ink_at_the_edge_is_found(result: RunResult) -> None:
 
 @pytest.mark.parametrize("kind", Kind)
 def test_the_smallest_text_can_be_read_in_print(result: RunResult, kind: Kind) -> None:
-    """In points on paper, as these widths are not scaled; titles may shrink to fit."""
-    drawn = figure(result.case("winter"), kind, "column")
+    """In points on paper; titles may shrink to fit."""
+    drawn = figure(result.case("winter"), kind)
     FigureCanvasAgg(drawn).draw()  # type: ignore[no-untyped-call]
     sizes = [
         float(text.get_fontsize())

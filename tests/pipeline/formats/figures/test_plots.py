@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from matplotlib.patches import StepPatch
 from matplotlib.text import Text
 
-import renew
 from pipeline._types import FloatArray
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import route_profile
 from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures.chart_map import page_svg
-from pipeline.formats.figures.plots import padding_figure, profile_figure
+from pipeline.formats.figures.plots import profile_figure
 from pipeline.model import Energy
 from tests.pipeline.results import with_water
 
@@ -41,36 +39,6 @@ def drawn(axes: Axes, role: str) -> list[FloatArray]:
 def text_of(axes: Axes) -> str:
     """All texts of a panel."""
     return " | ".join(text.get_text() for text in axes.findobj(Text))
-
-
-def tight(padding: float, gap: float, turns: float) -> renew.Tightest:
-    """A tightest place from which turns reach 1 to 3 m."""
-    edge = np.array([[0.0, gap], [1.0, gap]])
-    reaches = np.linspace(1.0, 3.0, 401)
-    return renew.Tightest(np.zeros(2), edge, 0.0, padding, turns, gap, reaches)
-
-
-def test_the_histogram_holds_every_turn_and_marks_what_turns_need() -> None:
-    # The padding is that of an offing: it is not what turns need.
-    (axes,) = padding_figure(tight(700.0, 3.2, 2.901), 1000.0).axes
-    (values, edges), (_, beyond) = (one.get_data()[:2] for one in axes.findobj(StepPatch))
-    assert values.sum() == pytest.approx(100)
-    assert (edges[0], edges[-1]) == pytest.approx((1.0, 3.0))
-    assert beyond.min() == pytest.approx(2.901)
-    for role, place in (("ink", 2.0), ("other", 2.901), ("best", 3.2)):
-        (line,) = drawn(axes, role)
-        assert line[:, 0] == pytest.approx(place)
-    text = text_of(axes)
-    assert "median 2.00 km" in text
-    assert "padding for turns 2.90 km, exceeded by 5.0 %" in text
-    assert "route to no-go zone 3.20 km" in text
-
-
-def test_a_distant_coast_is_only_written_so_that_bars_stay_readable() -> None:
-    (axes,) = padding_figure(tight(2.9, 50.0, 2.9), 1.0).axes
-    assert drawn(axes, "best") == []
-    assert axes.get_xlim()[1] < 4
-    assert "route to no-go zone 50.0 m \N{RIGHTWARDS ARROW}" in text_of(axes)
 
 
 def test_the_panels_show_the_routes_profile(result: RunResult) -> None:

@@ -33,7 +33,7 @@ import json, os, sys
 from qgis.core import (
     QgsApplication, QgsCoordinateReferenceSystem, QgsExpression, QgsExpressionContext,
     QgsExpressionContextUtils,
-    QgsDateTimeRange, QgsFeatureRequest, QgsLayoutExporter, QgsMapRendererParallelJob,
+    QgsDateTimeRange, QgsFeatureRequest, QgsMapRendererParallelJob,
     QgsMapSettings, QgsProject, QgsRectangle, QgsVectorLayer, QgsVectorLayerTemporalContext,
 )
 from qgis.PyQt.QtCore import QSize
@@ -109,13 +109,6 @@ def there_at(layer, moment):
     return sum(1 for _ in layer.getFeatures(request))
 
 
-def printed(layout):
-    exporter = QgsLayoutExporter(layout)
-    settings = QgsLayoutExporter.ImageExportSettings()
-    settings.dpi = 200
-    return exporter.exportToImage(f"{folder}/{layout.name()[-3:-1]}.png", settings)
-
-
 times = project.timeSettings().temporalRange()
 moments = [times.begin().addSecs(hour * 3600) for hour in range(-1, 80)]
 tree = project.layerTreeRoot()
@@ -143,7 +136,6 @@ found = {
         for layer in project.mapLayers().values()
         if layer.temporalProperties().isActive()
     },
-    "printed": [printed(layout) for layout in project.layoutManager().layouts()],
     "errors": draw(visible, project.crs(), extent, "project", project.backgroundColor()),
 }
 plain, found["plain"] = [], {}
@@ -320,24 +312,6 @@ def test_time_goes_on_where_there_is_a_departure(
         for hour, (routes, points) in enumerate(zip(*there, strict=True), -1):
             assert routes == (0 if hour < 0 else (ends >= 3600 * hour).sum())
             assert points == (passed <= 3600 * hour + 0.5).sum()
-
-
-def test_layouts_are_printed_with_graticule_and_figures(
-    qgis_python: str, result: RunResult, tmp_path: Path
-) -> None:
-    write_geopackage(result, tmp_path / "routes.gpkg")
-    assert opened(qgis_python, tmp_path / "routes.gpkg", tmp_path / "p")["printed"] == [0, 0]
-    pixels = picture(tmp_path / "p" / "A4.png")
-    height, width = pixels.shape[:2]
-    assert width / height == pytest.approx(297 / 210, rel=0.01)
-    assert count(pixels, COLOURS["water"]) > 0.3 * pixels[..., 0].size
-    # At least four meridians and parallels across most of the map.
-    assert count(pixels, COLOURS["grid"], 12) > 4 * 0.5 * height
-    # Text above the map, below it, and in the lower right corner.
-    ink = pixels.max(axis=-1) < 60
-    assert ink[: height // 6, : width // 2].any()
-    assert ink[-height // 8 :, : width // 2].any()
-    assert ink[-height // 8 :, 3 * width // 4 :].sum() > 400
 
 
 def test_bad_names_are_drawn_like_any_other(

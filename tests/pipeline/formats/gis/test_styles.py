@@ -268,40 +268,6 @@ def test_credits_and_title_stand_in_the_project(package: Path) -> None:
     }
 
 
-def test_a_layout_for_each_page_shows_all_of_the_chart(package: Path, result: RunResult) -> None:
-    """With title, ways, legend, scale bar, credits and a warning; no item beyond the page."""
-    west, south, east, north = map_crs(result).bounds
-    layouts = list(project(package).iter("Layout"))
-    assert [layout.get("name") for layout in layouts] == ["Two islands (A4)", "Two islands (A3)"]
-    for layout, page in zip(layouts, ((297, 210), (420, 297)), strict=True):
-        items = layout.findall("LayoutItem")
-        assert sorted(item.get("type") for item in items) == [
-            *("65639", *4 * ("65641",), "65642", "65646")
-        ]
-        for item in items:
-            place = [float(value) for value in item.get("position").split(",")[:2]]
-            size = [float(value) for value in item.get("size").split(",")[:2]]
-            assert all(a >= 0 and a + b <= c for a, b, c in zip(place, size, page, strict=True))
-        (frame,) = (item for item in items if item.get("type") == "65639")
-        extent = {side: float(value) for side, value in frame.find("Extent").items()}
-        assert extent["xmin"] <= west + 1e-6
-        assert extent["xmax"] >= east - 1e-6
-        assert extent["ymin"] <= south + 1e-6
-        assert extent["ymax"] >= north - 1e-6
-        texts = [item.get("labelText") for item in items if item.get("labelText")]
-        title, ways, credits_, warning = texts
-        assert title == "Two islands"
-        for case, line in zip(result.cases, ways.split("\n"), strict=True):
-            best = case.routes[0].metrics
-            assert line.startswith(f"{case.title}: {best.way}, {best.length_m / 1000:.1f} km")
-            assert case.current_text in line
-        assert small_run.LAND.text in credits_
-        assert warning == "Not for navigation\nPlanned by RENEW on 2026-01-02"
-        (grid,) = frame.findall("ComposerMapGrid")
-        assert grid.findtext("spatialrefsys/authid") == "EPSG:4326"
-        assert (east - west) / 111_195 / 6 < float(grid.get("intervalX")) < (east - west) / 111_195
-
-
 def test_the_water_is_coloured_as_in_the_report(package: Path) -> None:
     gui = project(package).find("properties/Gui")
     channels = [int(gui.findtext(f"CanvasColor{name}Part")) for name in ("Red", "Green", "Blue")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,11 @@ import pytest
 import shapely
 from pymavlink import mavutil, mavwp
 
-import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.missions import KEPT_SHARE, autopilot, write_mission, write_plan
+from pipeline.formats.passage.missions import KEPT_SHARE, fence_of, write_mission, write_plan
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints
-from pipeline.formats.passage_plan import write_passage_plan
+from pipeline.formats.report.page import plan_section
 from tests.pipeline.formats import runs, small_run
-from tests.true_scale import GEOD
 
 LINK = mavutil.mavlink
 
@@ -115,10 +113,9 @@ def test_both_missions_are_the_same(any_run: RunResult, tmp_path: Path) -> None:
         assert ours["params"] == pytest.approx([*params, theirs.x, theirs.y, theirs.z], abs=2e-7)
 
 
-# ArduPilot Rover's storage on a Pixhawk, bytes, in three areas each for fences and rally points
-# (StorageManager.cpp), and what each part takes (AC_PolyFence_loader.cpp, RallyLocation).
+# ArduPilot Rover's storage for fences on a Pixhawk, bytes, in three areas (StorageManager.cpp), and
+# what each part takes (AC_PolyFence_loader.cpp).
 FENCE_BYTES, HEADER, END, POLYGON, VERTEX = 160 + 256 + 256, 4, 1, 2, 8
-RALLY_BYTES, RALLY_POINT = 150 + 300 + 300, 15
 RUNS: dict[str, Callable[[], RunResult]] = {
     "small": small_run.parts,
     "north": runs.far_north,
@@ -220,116 +217,15 @@ def test_nothing_is_promised_across_180_degrees_or_from_v(name: str, tmp_path: P
     result = getattr(runs, name)()
     content = written(result, tmp_path)
     assert content["geoFence"]["polygons"] == content["rallyPoints"]["points"] == []
-    assert autopilot(result.case(season_of(result))).rally is None
+    assert fence_of(result.case(season_of(result))) is None
 
 
-def with_havens(result: RunResult, lonlat: np.ndarray, **hours: float) -> RunResult:
-    """The result with a list of havens (n, 2), degrees, that can be used."""
-    season = season_of(result)
-    places = result.water.projection.to_plane(lonlat)
-    havens = tuple(renew.Haven(f"haven {n}", place, **hours) for n, place in enumerate(places))
-    route = result.case(season).routes[0].route
-    return replace(result, coverages={season: renew.Coverage(route, havens, (), (), ())})
-
-
-def sampled_is_clear(result: RunResult, rally: np.ndarray) -> bool:
-    """Whether sampled lines to the nearest of start and rally points meet no no-go."""
-    points, projection = best(result), result.water.projection
-    sites, shut = np.concatenate([points.lonlat[:1], rally]), no_go(result)
-    shapely.prepare(shut)
-    path = shapely.LineString(projection.to_plane(points.lonlat))
-    places = shapely.line_interpolate_point(path, np.linspace(0, 1, 150), normalized=True)
-    for lonlat in projection.to_lonlat(shapely.get_coordinates(places)):
-        apart = [GEOD.inv(*lonlat, *site)[2] for site in sites]
-        nearest = sites[int(np.argmin(apart))]
-        straight = np.linspace(lonlat, nearest, 300)
-        shortest = np.array(GEOD.npts(lonlat[0], lonlat[1], nearest[0], nearest[1], 100))
-        if shapely.contains_xy(shut, projection.to_plane(np.vstack([straight, shortest]))).any():
-            return False
-    return True
-
-
-def test_a_vessel_returns_only_where_sampled_lines_are_clear(fenced: RunResult) -> None:
-    told = autopilot(fenced.case(season_of(fenced)))
-    is_clear = sampled_is_clear(fenced, np.empty((0, 2)))
-    assert is_clear or told.rally is None
-    # In the far north lines that are straight in degrees are too far from the shortest ones.
-    if abs(fenced.scenario.start[1]) < 60:
-        assert (told.rally is not None) == is_clear
-
-
-def test_havens_on_the_way_are_rally_points(tmp_path: Path) -> None:
-    """From each leg its ends are in reach, though the start is behind the island."""
-    result = small_run.parts()
-    lonlat = best(result).lonlat
-    assert not sampled_is_clear(result, lonlat[-1:])
-    assert sampled_is_clear(result, lonlat)
-    found = written(with_havens(result, lonlat), tmp_path)["rallyPoints"]
-    assert found["version"] == 2
-    assert np.array(found["points"]) == pytest.approx(
-        np.c_[lonlat[:, ::-1], 0 * lonlat[:, 0]], abs=6e-8
-    )
-
-
-def test_a_haven_outside_the_fence_is_no_rally_point(tmp_path: Path) -> None:
-    """An autopilot would pass over it, and go straight to another one."""
-    result = small_run.parts()
-    allowed = allowed_by(polygons(result, tmp_path))
-    lonlat = best(result).lonlat
-    around = shapely.buffer(shapely.LineString(lonlat), 0.3)
-    west, south, east, north = around.bounds
-    places = np.random.default_rng(1).uniform([west, south], [east, north], (2_000, 2))
-    water = shapely.difference(result.water.chart.extent, no_go(result))
-    places = places[shapely.contains_xy(water, result.water.projection.to_plane(places))]
-    beyond = places[~shapely.contains_xy(allowed, places)]
-    assert len(beyond) > 10
-    havens = np.concatenate([beyond, lonlat])
-    found = written(with_havens(result, havens), tmp_path)["rallyPoints"]["points"]
-    assert np.array(found)[:, 1::-1] == pytest.approx(lonlat, abs=6e-8)
-
-
-def test_no_more_rally_points_than_an_autopilot_holds(tmp_path: Path) -> None:
-    result = small_run.parts()
-    lonlat = best(result).lonlat
-    many = np.concatenate([lonlat, *[lonlat[-1:]] * 60])
-    found = written(with_havens(result, many), tmp_path)["rallyPoints"]["points"]
-    assert len(found) == RALLY_BYTES // RALLY_POINT
-
-
-@pytest.mark.gate_share(1)
-@pytest.mark.parametrize("seed", range(2))
-def test_havens_behind_islands_are_refused(seed: int, tmp_path: Path) -> None:
-    result = runs.random_run(seed)
-    rng = np.random.default_rng(seed)
-    places = rng.uniform([119.0, 9.0], [120.2, 10.0], (60, 2))
-    water = shapely.difference(result.water.chart.extent, no_go(result))
-    places = places[shapely.contains_xy(water, result.water.projection.to_plane(places))]
-    answers = []
-    for few in (places[:1], places[:20], places):
-        told = written(with_havens(result, few), tmp_path)["rallyPoints"]["points"]
-        answers.append(bool(told))
-        if told:
-            assert sampled_is_clear(result, np.array(told)[:, 1::-1])
-    assert not all(answers)
-
-
-def test_a_haven_that_closes_is_no_rally_point(tmp_path: Path) -> None:
-    result = small_run.parts()
-    lonlat = best(result).lonlat
-    found = written(with_havens(result, lonlat, closes=1e9), tmp_path)["rallyPoints"]["points"]
-    assert found == []
-
-
-def test_the_passage_plan_says_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    said = list[str]()
-
-    def wrapped(texts: Sequence[str], _: int) -> list[list[str]]:
-        said.extend(texts)
-        return [[text] for text in texts if text]
-
-    monkeypatch.setattr("pipeline.formats.passage_plan._wrapped", wrapped)
-    for result, holds in ((small_run.parts(), True), (runs.open_sea(), False)):
-        said.clear()
-        write_passage_plan(result, tmp_path / "a.pdf")
-        assert any("set Loiter or Hold, not return" in text for text in said) == holds
-        assert not any("no fence" in text for text in said)
+@pytest.mark.parametrize(("name", "is_fenced"), [("open_sea", True), ("harbours", False)])
+def test_the_passage_plan_says_hold_and_where_there_is_no_fence(
+    name: str, *, is_fenced: bool
+) -> None:
+    result = getattr(runs, name)()
+    found = plan_section(result.case(season_of(result)))
+    assert found is not None
+    assert any("set Loiter or Hold, not return" in text for text in found["sentences"])
+    assert any("no fence" in text for text in found["sentences"]) != is_fenced

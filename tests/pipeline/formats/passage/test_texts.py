@@ -19,7 +19,7 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.text import duration
 from pipeline.formats.gis.geopackage import write_geojson
 from pipeline.formats.passage.missions import write_mission, write_plan
-from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_rtz
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     case_waypoints,
@@ -28,13 +28,11 @@ from pipeline.formats.passage.waypoints import (
     waypoint_names,
     wrapped_longitude,
 )
-from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.tables import write_metrics
 from pipeline.texts import clean
 from pipeline.write import formats_of
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.passage.test_gpx import check_order
-from tests.pipeline.formats.passage.test_kml import schema
 from tests.pipeline.formats.passage.test_rtz import VERSIONS
 from tests.pipeline.results import with_measures
 from tests.validators import rtz_faults
@@ -48,13 +46,12 @@ if TYPE_CHECKING:
 WRITERS: dict[str, Callable[..., None]] = {
     "rtz": write_rtz,
     "gpx": write_gpx,
-    "kml": write_kml,
     "plan": write_plan,
     "waypoints": write_mission,
     "geojson": write_geojson,
 }
 # Files with room for words; a mission for ArduPilot's tools has none.
-SPEAKING = ("rtz", "gpx", "kml", "plan")
+SPEAKING = ("rtz", "gpx", "plan")
 
 
 @pytest.mark.parametrize("end", WRITERS)
@@ -63,7 +60,7 @@ def test_what_cannot_be_written_is_an_os_error(end: str, tmp_path: Path) -> None
         WRITERS[end](runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / f"a.{end}")
 
 
-@pytest.mark.parametrize("end", ["rtz", "gpx", "kml"])
+@pytest.mark.parametrize("end", ["rtz", "gpx"])
 def test_a_departure_without_a_zone_is_refused(end: str, tmp_path: Path) -> None:
     naive = datetime(2026, 12, 31, 20, 30)  # noqa: DTZ001 - this is what is refused
     with pytest.raises(ValueError, match="no time zone"):
@@ -181,24 +178,6 @@ def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
     assert (gpx.description or "").count(name) == 2
     assert name.split()[0] in (gpx.copyright_author or "")
     assert len(pyogrio.read_dataframe(path, layer="routes")) == len(case.followed)
-
-
-def test_kml(named: tuple[str, RunResult], tmp_path: Path) -> None:
-    name, result = named
-    path = tmp_path / f"{safe_name(name)}.kml"
-    write_kml(result.case(runs.SEASON), path)
-    root = etree.parse(path).getroot()
-    schema().assertValid(root)
-    title, description = (element.text for element in root[0][:2])
-    assert title.startswith(name)
-    assert description.count(name) == 2, "with the credits"
-
-
-@pytest.mark.gate_share(3)
-def test_passage_plan(named: tuple[str, RunResult], tmp_path: Path) -> None:
-    """Every name is drawn without a warning; characters that the font lacks are white squares."""
-    write_passage_plan(named[1], tmp_path / "passage-plan.pdf")
-    assert (tmp_path / "passage-plan.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_geojson(named: tuple[str, RunResult], tmp_path: Path) -> None:

@@ -128,34 +128,6 @@ def test_too_few_members_are_refused(seas: list[Field], tmp_path: Path) -> None:
         current(paths, along="files", choose="p90")
 
 
-def test_each_folder_is_a_forecast_and_the_newest_is_enough(
-    seas: list[Field], tmp_path: Path
-) -> None:
-    """Each has two files; one of July has no step of June, and one of June alone is left out."""
-    paths = []
-    for day, one in enumerate(seas, start=1):
-        (tmp_path / f"2024-06-0{day}").mkdir()
-        for month in ("2024-06", "2024-07"):
-            data = dataset(one, times=[f"{month}-15"])
-            paths.append(write(tmp_path / f"2024-06-0{day}" / f"{month}.nc", data))
-    found = current(paths, along="cycles")
-    assert [one.name for one in found.members] == ["2024-06-03", "2024-06-02", "2024-06-01"]
-    alone = current(paths[-2:], along="cycles")
-    assert alone.members == ()
-    assert np.array_equal(found.members[0].u, alone.u, equal_nan=True)
-    without = current([path for path in paths if path != paths[1]], along="cycles")
-    assert [one.name for one in without.members] == ["2024-06-03", "2024-06-02"]
-    assert any("2024-06-01: 2024-06.nc: it has" in one for one in note_texts(without.notes))
-    with pytest.raises(RequestError, match=r"2024-06\.nc: it has one time step, 2024-06"):
-        current(paths[:-1], along="cycles")
-    with pytest.raises(RequestError, match=r"1 of 1 members can be used, and members\.choose"):
-        current(paths[-2:], along="cycles", choose="p90")
-    (tmp_path / "other" / "2024-06-01").mkdir(parents=True)
-    twice = write(tmp_path / "other" / "2024-06-01" / "a.nc", dataset(seas[0]))
-    with pytest.raises(RequestError, match="'cycles' needs folders of different names"):
-        current([*paths, twice], along="cycles")
-
-
 # --- Tidal streams from harmonic constants: their sum, its steps, the residual, what is refused.
 
 

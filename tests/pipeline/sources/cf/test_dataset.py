@@ -255,7 +255,7 @@ def test_a_folder_that_is_no_store_is_not_searched(
         raise AssertionError(arguments)
 
     monkeypatch.setattr(Path, "rglob", searched)
-    assert "neither NetCDF, Zarr, GRIB, S-100, BAG nor GeoTIFF" in refusal(tmp_path)
+    assert "neither NetCDF, Zarr, GRIB nor S-100" in refusal(tmp_path)
 
 
 # --- Classic NetCDF files that end too early are found: the library reads zeros beyond their end.
