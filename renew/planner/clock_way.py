@@ -2,9 +2,9 @@
 
 A place is shut to a vessel that is there on time, if it is shut while she, early or late, or a turn
 that she begins there, may be in it. Between two such spells the place is open, and of all arrivals
-in an open spell only the first counts. So a search has one label for each place and each of its
-open spells, its first arrival there. This is safe interval path planning (Phillips & Likhachev,
-2011), on the roadmap on which classes are found.
+in an open spell only the first counts: a way that bides its time by a detour may be missed. So a
+search has one label for each place and open spell, its first arrival there. This is safe interval
+path planning (Phillips & Likhachev, 2011), on the roadmap on which classes are found.
 
 The way is a guide alone: it says past which water to go, and at which hours. What is shut when the
 way passes beside it is closed like land, and the voyage is planned there as any other.

@@ -48,7 +48,7 @@ def passages_over_the_limit(scene: StormyScene, route: renew.Route) -> tuple[int
 
 
 @pytest.mark.parametrize(
-    "seed", [6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2, 3, 8, 11))]
+    "seed", [6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 3, 8, 11))]
 )
 def test_a_way_around_or_behind_a_storm_is_found(seed: int) -> None:
     scene = stormy_scene(seed)
