@@ -141,7 +141,7 @@ def test_files_of_other_kinds_are_refused_or_said(shared: Path) -> None:
     for path, said in (
         (data / "field" / "wind-as-current" / "wind.nc", "10 metre U wind component"),
         (data / "field" / "archives" / "field.nc.gz", "`gunzip -k field.nc.gz` makes"),
-        (data / "s100" / "104US004SC1BO_20251217T12Z.h5", "without SurfaceCurrent"),
+        (data / "s100" / "104US004SC1BO_20251217T12Z.h5", "waterLevelHeight"),
         (data / "s100" / "noaa_s102_US004MI1CI.h5", "depth (sea_floor_depth_below_geoid)"),
     ):
         with pytest.raises(RequestError, match=re.escape(said)):
