@@ -256,12 +256,19 @@ _GAP_FAULT_SHARE = 0.2
 _FILLED_LAND_SHARE = 0.5
 # A value means "no data" if at least this share of the land has it,
 _MIN_FILLER_LAND_SHARE = 0.9
-# and no more than this share of the open water: of zeros, as water may stand still, and of others.
-_MAX_ZERO_WATER_SHARE, _MAX_FILLER_WATER_SHARE = 0.01, 0.5
-# So does a value of a component that this share of the cells has, and so many times as many as any
-# other that is so many times the lower quartile. A field by formula may have few values.
-_ODD_SHARE, _ODD_COUNTS, _ODD_SIZE, _LEAST_VALUES = 0.01, 10, 6.0, 100
-# Number of cells of land from which that holds of other values than zero.
+# and no more than this share of the open water,
+_MAX_FILLER_WATER_SHARE = 0.5
+# or than this one, if it is 0: water may stand still.
+_MAX_ZERO_WATER_SHARE = 0.01
+# So does a large value of a component that at least this share of all cells has,
+_ODD_SHARE = 0.01
+# and so many times as many cells as have any other large value.
+_ODD_COUNTS = 10
+# Values are large above so many times the lower quartile of the component.
+_ODD_SIZE = 6.0
+# Number of different values from which this is judged: a field by formula may have few.
+_LEAST_VALUES = 100
+# Number of cells, of land in the first case, from which this holds of other values than zero.
 _MIN_FILLER_CELLS = 20
 
 
@@ -284,7 +291,7 @@ def read_checked_fields(
         with FieldReader(contents, window) as reader:
             first = reader.field(selected.weights[0])
             last = reader.field(selected.weights[-1]) if len(selected.weights) > 1 else first
-            filler, filler_notes = _filler_on_land((first, last), mask)
+            filler, filler_notes = _fillers((first, last), mask)
             first = _without(first, filler)
 
             def fields() -> Iterator[Field]:
@@ -354,14 +361,11 @@ def _weather(field: Field, assessment: plausibility.Assessment, name: str) -> Fi
     return replace(field, u=u, v=v)
 
 
-def _filler_on_land(
-    fields: Sequence[Field], mask: LandMask
-) -> tuple[BoolArray | None, tuple[Note, ...]]:
-    """Return the cells (ny, nx) that have the value of nearly all land, with a note; else None.
+def _fillers(fields: Sequence[Field], mask: LandMask) -> tuple[BoolArray | None, tuple[Note, ...]]:
+    """Return the cells (ny, nx) with a value that means "no data", with a note; None without one.
 
-    As a current this value, mostly zero or a fill value that is not declared, would move the water
-    beside the land. A cell must have it in several fields, because turning water stands still for a
-    while.
+    Nearly all land has it, mostly zero or a fill value that is not declared, or it is odd. As a
+    current it would move water. A cell must have it in all fields: turning water stands still.
     """
     parts = np.stack([(field.u, field.v) for field in fields])
     is_land = mask.on_grid(fields[0].lon, fields[0].lat)
@@ -478,21 +482,20 @@ class CfMembers(CurrentSource):
             used.append((name, grid, weight))
         left_out = [Note.of("member-left-out", reason=reason) for reason in reasons]
         choose = self.spec.choose
-        needed, whose = _LEAST, "an ensemble has"
+        needed = FEWEST if choose in QUANTILES else _LEAST
+        whose, remedy = "an ensemble has", "leave 'members' out"
         if choose in QUANTILES:
-            needed, whose = FEWEST, f"members.choose = {choose!r} needs"
+            whose, remedy = f"members.choose = {choose!r} needs", "choose by the mean"
         if len(used) < needed:
             few = f"{len(used)} of {len(members)} members can be used, and {whose} {needed}"
-            remedy = "or choose by the mean" if choose in QUANTILES else "or leave 'members' out"
-            raise RequestError("; ".join([*reasons, f"{few}; give more, {remedy}"]))
+            raise RequestError("; ".join([*reasons, f"{few}; give more, or {remedy}"]))
         weights = np.array([weight for *_, weight in used])
         if (weights > 0).sum() < _LEAST:
             raise RequestError("members.weights leave less than two members; raise them")
         weights /= weights.sum()
-        first = used[0][1]
         notes = dict.fromkeys(note for _, grid, _ in used for note in grid.notes)
         return replace(
-            first,
+            used[0][1],
             u=_mean([grid.u for _, grid, _ in used], weights),
             v=_mean([grid.v for _, grid, _ in used], weights),
             members=tuple(
@@ -507,20 +510,17 @@ class CfMembers(CurrentSource):
         """Return each member's name and source; RequestError where there are too few or many."""
         files = find_files(self.paths)
         if self.spec.along == FILES:
-            names = [file.stem for file in files]
-            if len(set(names)) < len(names):
-                names = [file.name for file in files]
+            differ = len({file.stem for file in files}) == len(files)
             members = [
-                (name, CfFiles((str(file),), pair=self.pair))
-                for name, file in zip(names, files, strict=True)
+                (file.stem if differ else file.name, CfFiles((str(file),), pair=self.pair))
+                for file in files
             ]
             what = f"{len(members)} file{'s' * (len(members) != 1)}"
         else:
-            along = self.spec.along
-            size = _size_along(files, along)
-            each = [(f"{along} {at}", (along, at)) for at in range(size)]
+            along, size = self.spec.along, _size_along(files, self.spec.along)
             members = [
-                (name, CfFiles(self.paths, index=index, pair=self.pair)) for name, index in each
+                (f"{along} {at}", CfFiles(self.paths, index=(along, at), pair=self.pair))
+                for at in range(size)
             ]
             what = f"{size} along {along}"
         if not _LEAST <= len(members) <= _MOST:
