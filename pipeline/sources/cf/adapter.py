@@ -309,8 +309,12 @@ def read_checked_fields(
     ):  # a value found late means no data at earlier steps, too
         return read_checked_fields(contents, selected, bounds, region, reader.fills)
     u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
+    fill_notes = [
+        Note.of("fill-value", name=name, value=value, share=share)
+        for (name, value), share in reader.fills.items()
+    ]
     if not contents.quantity.is_current:
-        return _weather(Field(lon, lat, u, v), assessment, name), ()
+        return _weather(Field(lon, lat, u, v), assessment, name), (*still_notes, *fill_notes)
     field, gap_notes = filled_in_time(Field(lon, lat, u, v), selected.times_s)
     if reader.partly:
         gap_notes += (Note.of("current-means-lack", share=reader.partly),)
@@ -326,10 +330,7 @@ def read_checked_fields(
         raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
     notes = (
         *still_notes,
-        *(
-            Note.of("fill-value", name=name, value=value, share=share)
-            for (name, value), share in reader.fills.items()
-        ),
+        *fill_notes,
         *gap_notes,
         *water_without_data(first, mask, region),
         *assessment.doubts(name),

@@ -365,12 +365,12 @@ class VectorFile:
         thin = parts[dimension < _AREA]
         if len(thin) and self.source.radius_m is None:
             counts = [
-                f"{count:,} {name}"
-                for kind, name in ((_POINT, "points"), (_LINE, "lines"))
+                f"{count:,} {name}{'s' * (count > 1)}"
+                for kind, name in ((_POINT, "point"), (_LINE, "line"))
                 if (count := int((dimension == kind).sum()))
             ]
             raise RequestError(
-                f"{self.path} has {' and '.join(counts)} near the region, which are not areas: "
+                f"{self.path} has {' and '.join(counts)} near the region, where areas are needed: "
                 "make polygons of them, or give the radius that is no-go around them, as "
                 f'{self.path.name},radius=20m or in a scenario {{ path = "{self.path.name}", '
                 "radius_m = 20 }"
