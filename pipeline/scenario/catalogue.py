@@ -22,6 +22,8 @@ from pipeline.scenario.strict import StrictModel, near_miss, shown
 _Figure = Annotated[strict.Positive, Field(le=1e6)]
 # Acceleration to the side, m/s², that no vessel turns with: that of gravity.
 _MAX_SIDEWAYS_M_S2 = 9.81
+# Largest circle, m: IMO's MSC.137(76) asks for five lengths at most, 2.3 km for the longest ship.
+_MAX_CIRCLE_M = 20_000.0
 
 
 # The name of a vessel that was given none.
@@ -82,8 +84,8 @@ class VesselSpec(StrictModel):
     name: strict.Name = _UNNAMED
     title: str = ""
     origin: str = ""
-    length_m: _Figure
-    draught_m: strict.Positive | None = None
+    length_m: strict.Positive = Field(le=600)  # the longest ship had 458 m
+    draught_m: strict.Positive | None = Field(default=None, le=60)
     squat_m: strict.NonNegative = 0.0
     speed_m_s: Speed
     turn_rate_deg_s: _Figure
@@ -102,12 +104,14 @@ class VesselSpec(StrictModel):
     @model_validator(mode="after")
     def _can_turn(self) -> Self:
         rate = math.radians(self.turn_rate_deg_s)
-        if self.speed_m_s * rate > _MAX_SIDEWAYS_M_S2:
+        sideways_g = self.speed_m_s * rate / _MAX_SIDEWAYS_M_S2
+        circle_m = 2 * self.speed_m_s / rate
+        if sideways_g > 1 or circle_m > _MAX_CIRCLE_M:
             raise strict.RemediedError(
-                f"turns at {self.speed_m_s:.3g} m/s by {self.turn_rate_deg_s:.3g} degrees/s, a "
-                f"circle of {2 * self.speed_m_s / rate:.2g} m, which no vessel does: that is "
-                f"{self.speed_m_s * rate / _MAX_SIDEWAYS_M_S2:.2g} g, and 1 g is the most; correct "
-                "speed_m_s (--speed) or turn_rate_deg_s (--turning-circle)"
+                f"turns at {self.speed_m_s:.3g} m/s by {self.turn_rate_deg_s:.3g} degrees/s, which "
+                f"no vessel does: that is a circle of {circle_m:.3g} m with {sideways_g:.2g} g; "
+                f"{_MAX_CIRCLE_M / 1000:g} km and 1 g are the most; correct speed_m_s (--speed) or "
+                "turn_rate_deg_s (--turning-circle)"
             )
         return self
 

@@ -37,7 +37,7 @@ _LENGTHS = {
 }
 RANGE = ".."
 """Separates the lowest and the highest speed of a range."""
-_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+_MONTH = re.compile(r"\d{4}-(0[1-9]|1[0-2])", re.ASCII)
 
 
 def speed_m_s(text: str) -> float:
@@ -110,7 +110,10 @@ def read_padding_m(given: str | float) -> str | float:
     """Read a padding: 'adaptive', 'triangle' or 'none', or true metres."""
     if (word := str(given).lower()) in ("adaptive", "triangle", "none"):
         return word
-    return read_clearance_m(given)
+    try:
+        return read_clearance_m(given)
+    except ValueError as error:
+        raise ValueError(f"{error}, or 'adaptive', 'triangle' or 'none'") from None
 
 
 def read_shortfall(given: str) -> str:

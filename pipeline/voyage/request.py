@@ -131,6 +131,8 @@ def _refused(request: VoyageRequest, at: SimpleNamespace) -> Iterator[str]:
     called["'speed' in a current that changes"] = (
         called["'speed'"] and called["time_method = 'changing'"]
     )
+    if request.members and request.members.get("along") and request.is_still:
+        yield f"{at.members} are those of files; add {at.currents} FILE, or give a speed: 0.2m/s"
     for pair, both in met({feature: option for feature, option in called.items() if option}):
         yield f"{both}: {pair.reason}; leave one of the two out"
     clock = not request.is_steady or request.tide or request.waves or request.wind

@@ -129,7 +129,8 @@ def _first(found: list[GivenRoute]) -> tuple[GivenRoute, str]:
         return GivenRoute("", "", ()), "has no route, track or line of at least two points"
     for number, (lon, lat, *_) in enumerate(route.points, start=1):
         if not (abs(lon) <= 360 and abs(lat) <= 90):
-            return route, f"has point {number} at longitude {lon:g}, latitude {lat:g}"
+            where = f"longitude {lon:g}, latitude {lat:g}, which is not on earth: give degrees"
+            return route, f"has point {number} at {where}, or exchange the two"
     moved = np.any(np.diff(route.lonlat, axis=0) != 0, axis=1).tolist()
     kept = tuple(itertools.compress(route.points, [True, *moved]))
     why = "has a route whose points are all at one place" if len(kept) < 2 else ""

@@ -435,8 +435,9 @@ def _lonlat(path: Path, points: Sequence[shapely.Geometry | None], crs: str | No
     """Return places (n, 2), degrees; a file that states no CRS is in degrees."""
     kinds = {"nothing" if point is None or point.is_empty else point.geom_type for point in points}
     if not points or kinds != {"Point"}:
-        listed = ", ".join(sorted(kinds - {"Point"})) or "no feature"
-        raise _fault(path, f"has {listed} in place of points; {_REMEDY}")
+        listed = ", ".join(sorted(kinds - {"Point"}))
+        what = f"has {listed} in place of points" if listed else "has no points"
+        raise _fault(path, f"{what}; {_REMEDY}")
     if len(points) > _MOST:
         raise _fault(path, f"has {len(points):,} havens; give at most {_MOST}")
     places = shapely.get_coordinates(np.array(points, dtype=object))

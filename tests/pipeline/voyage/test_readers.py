@@ -294,9 +294,10 @@ def test_the_vessel_turns_on_the_circle_that_is_given(speed_kn: float, circle_m:
 def test_a_vessel_beyond_physics_is_refused() -> None:
     (fault,) = faults(speed="500kn", length="9m", turning_circle="1m")
     assert fault == "--speed 500kn is 257 m/s, and 42 m/s (82 kn) is the most; correct it"
-    (fault,) = faults(speed="20kn", length="9m", turning_circle="5m")
-    assert "a circle of 5 m, which no vessel does: that is 4.3 g" in fault
-    assert "turn_rate_deg_s (--turning-circle)" in fault
+    for circle, what in (("5m", "5 m with 4.3 g"), ("400km", "4e+05 m with 5.4e-05 g")):
+        (fault,) = faults(speed="20kn", length="9m", turning_circle=circle)
+        assert f"which no vessel does: that is a circle of {what}" in fault
+        assert "turn_rate_deg_s (--turning-circle)" in fault
 
 
 def test_all_faults_are_reported_at_once() -> None:
