@@ -36,7 +36,7 @@ ROOMS = {
     "renew/paths": (1_858, 9),
     "renew/planner": (4_237, 16),
     "renew/steering": (898, 1),
-    "renew/turns": (1_666, 13),
+    "renew/turns": (1_669, 13),
     "renew/underway": (2_281, 13),
     "renew/vary": (1_838, 9),
     "renew/voyage": (941, 6),
