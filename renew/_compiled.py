@@ -6,6 +6,7 @@ sources with kernels. It holds no paths and no times, and can be shipped.
 """
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import platform
@@ -21,6 +22,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 from numba.core import cgutils
+from numba.core.caching import IndexDataCacheFile
 from numba.core.pythonapi import PythonAPI
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
@@ -226,3 +228,22 @@ def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN40
 
 
 PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]
+_SAVE = IndexDataCacheFile.save
+
+
+def _saved_alone(index: Any, key: object, code: object) -> None:  # noqa: ANN401
+    """Save machine code while no other process does, on a file system that has locks.
+
+    Numba reads the index of a kernel, adds an entry and writes it. Of two processes that did so at
+    once one would lose its entry, or an entry would name the code of other types.
+    """
+    folder = os.open(cache_folder(), os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(folder, fcntl.LOCK_EX)
+        _SAVE(index, key, code)
+    finally:
+        os.close(folder)
+
+
+IndexDataCacheFile.save = _saved_alone  # type: ignore[method-assign]

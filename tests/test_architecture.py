@@ -32,6 +32,7 @@ COMES_WITH = {
     "distributed": "dask",
     "llvmlite": "numba",
     "markupsafe": "jinja2",
+    "pandas": "geopandas",
     "pydantic-core": "pydantic",
     "starlette": "fastapi",
 }

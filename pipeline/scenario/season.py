@@ -187,15 +187,17 @@ class MembersSpec(StrictModel):
         return self
 
 
-# The limit of a vessel's own speed.
-_Speed = Annotated[strict.Positive, Field(le=1e6)]
+MAX_SPEED_M_S = 42.0
+"""Highest speed of a vessel through water: 82 knots, which only boats built for records pass."""
+Speed = Annotated[strict.Positive, Field(le=MAX_SPEED_M_S)]
+"""A vessel's own speed, m/s."""
 
 
 class SpeedRange(StrictModel):
     """Lowest and highest speed through water, in place of the vessel's own speed."""
 
-    least: _Speed
-    most: _Speed
+    least: Speed
+    most: Speed
 
 
 TimeMethod = Literal["mean", "nearest", "linear"]

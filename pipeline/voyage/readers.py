@@ -37,7 +37,7 @@ _LENGTHS = {
 }
 RANGE = ".."
 """Separates the lowest and the highest speed of a range."""
-_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+_MONTH = re.compile(r"\d{4}-(0[1-9]|1[0-2])", re.ASCII)
 
 
 def speed_m_s(text: str) -> float:
@@ -50,10 +50,13 @@ def speed_or_range(given: str | tuple[float, float]) -> float | tuple[float, flo
 
     A range is a pair in m/s, or a text: 4kn..9kn or 4..9kn.
     """
+    from pipeline.scenario.season import MAX_SPEED_M_S
+
     if not isinstance(given, str):
         (low, high), text = given, f"{given[0]!r}m/s{RANGE}{given[1]!r}m/s"
     elif RANGE not in given:
-        return _positive(given, speed_m_s)
+        low = high = _positive(given, speed_m_s)
+        text = given
     else:
         text = given.strip()
         least, _, most = given.partition(RANGE)
@@ -65,7 +68,11 @@ def speed_or_range(given: str | tuple[float, float]) -> float | tuple[float, flo
         raise ValueError(f"{text!r} begins at a speed of 0 or less; give two speeds above 0")
     if not low <= high:
         raise ValueError(f"{text!r} begins above its end; exchange the two speeds")
-    return low, high
+    if high > MAX_SPEED_M_S:
+        raise ValueError(
+            f"{text} is {high:,.0f} m/s, and {MAX_SPEED_M_S:g} m/s (82 kn) is the most; correct it"
+        )
+    return (low, high) if RANGE in text else low
 
 
 def length_m(text: str) -> float:
@@ -103,7 +110,10 @@ def read_padding_m(given: str | float) -> str | float:
     """Read a padding: 'adaptive', 'triangle' or 'none', or true metres."""
     if (word := str(given).lower()) in ("adaptive", "triangle", "none"):
         return word
-    return read_clearance_m(given)
+    try:
+        return read_clearance_m(given)
+    except ValueError as error:
+        raise ValueError(f"{error}, or 'adaptive', 'triangle' or 'none'") from None
 
 
 def read_shortfall(given: str) -> str:

@@ -247,10 +247,13 @@ class _Near(NamedTuple):
         return cls(points, course, speed, furthest, first, near, close, *edges, tuple(flown))
 
     def of_circle(self, share: float, vessel: Vessel) -> "_Near":
-        """Return the stations with a share of a vessel's turning circle; no wider than before."""
+        """Return the stations with a share of a vessel's turning circle; no wider than before.
+
+        Both parts of the margin are as wide as the circle.
+        """
         tighter = replace(vessel, turn_rate=vessel.turn_rate / share)
-        narrower = _MARGIN * (self.vessel.turning_radius - tighter.turning_radius)
-        flown = tuple(one._replace(margin=one.margin - narrower) for one in self.flown)
+        narrower = tighter.turning_radius / self.vessel.turning_radius
+        flown = tuple(one._replace(margin=one.margin * narrower) for one in self.flown)
         return self._replace(vessel=tighter, flown=flown)
 
     def needs(self, flown: _Flown, chart: Chart) -> tuple[IntArray, FloatArray, FloatArray]:

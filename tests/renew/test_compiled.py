@@ -174,6 +174,36 @@ def test_a_second_process_compiles_nothing(package: Path) -> None:
     assert second.folder.is_relative_to(package)
 
 
+# Two processes save code of one kernel for other types, each while the other is about to.
+AT_ONCE = """
+import os, time
+from numba.core.caching import IndexDataCacheFile as Index
+from renew import outer
+
+def slowly(index, load=Index._load_index):
+    found = load(index)
+    time.sleep(0.3)
+    return found
+
+index = outer.doubled._cache._cache_file
+children = []
+for number in (3.0, 3):
+    children.append(os.fork())
+    if not children[-1]:
+        Index._load_index = slowly
+        outer.doubled(number)
+        os._exit(0)
+for child in children:
+    os.waitpid(child, 0)
+entries = index._load_index()
+print(len(entries), len({*entries.values()}))
+"""
+
+
+def test_processes_that_compile_at_once_lose_no_entry(package: Path) -> None:
+    assert printed(package, AT_ONCE) == "2 2\n"
+
+
 def test_an_edit_of_an_inlined_kernel_compiles_again(compiled: Path) -> None:
     inner = compiled / "inner.py"
     # Of another size: within a second Python tells an edit by that alone.
