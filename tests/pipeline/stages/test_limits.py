@@ -75,7 +75,7 @@ def found(folder: Path, limits: dict[str, Any] | None, **asked: object) -> RunRe
 
 def window(file: str = "waves.nc", wave_m: float = 1.2) -> dict[str, Any]:
     """Limits, and a season that leaves within some hours."""
-    departures = {"first": DEPARTURE, "every": "1h", "count": 5}
+    departures = {"first": DEPARTURE, "every": "2h", "count": 3}
     season = {"name": "still", "currents": ["still"], "departures": departures}
     return {"limits": {"waves": [file], "wave_m": wave_m}, "seasons": [season]}
 
