@@ -15,7 +15,7 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_526, 29),
+    "renew": (1_562, 29),
     "pipeline": (1_083, 12),
     "pipeline/cli": (2_448, 6),
     "pipeline/findings": (3_825, 18),
