@@ -76,15 +76,11 @@ def met(called: Mapping[str, str]) -> Iterator[tuple[RefusedPair, str]]:
 
 def refusals(scenario: Scenario) -> Iterator[str]:
     """Yield a line for each pair of the table that a scenario has."""
-    yield from dict.fromkeys(
-        line for season in scenario.seasons for line in _of_season(scenario, season)
-    )
-
-
-def _of_season(scenario: Scenario, season: Season) -> Iterator[str]:
-    """Yield a line for each pair that a season has."""
-    there = [name for name, holds in OF_THE_SCENARIO.items() if holds(scenario)]
-    there += [name for name, holds in OF_A_SEASON.items() if holds(season)]
-    for pair, both in met({name: name for name in there}):
-        about = f"season {season.name!r} " if any(name in both for name in OF_A_SEASON) else ""
-        yield f"{about}has {both}: {pair.reason}; {pair.remedy}"
+    lines = dict[str, None]()
+    for season in scenario.seasons:
+        there = [name for name, holds in OF_THE_SCENARIO.items() if holds(scenario)]
+        there += [name for name, holds in OF_A_SEASON.items() if holds(season)]
+        for pair, both in met({name: name for name in there}):
+            about = f"season {season.name!r} " if any(name in both for name in OF_A_SEASON) else ""
+            lines[f"{about}has {both}: {pair.reason}; {pair.remedy}"] = None
+    yield from lines

@@ -187,17 +187,13 @@ def slowly(index, load=Index._load_index):
     time.sleep(0.3)
     return found
 
-index = outer.doubled._cache._cache_file
-children = []
 for number in (3.0, 3):
-    children.append(os.fork())
-    if not children[-1]:
+    if not os.fork():
         Index._load_index = slowly
         outer.doubled(number)
         os._exit(0)
-for child in children:
-    os.waitpid(child, 0)
-entries = index._load_index()
+os.wait(), os.wait()
+entries = outer.doubled._cache._cache_file._load_index()
 print(len(entries), len({*entries.values()}))
 """
 

@@ -366,7 +366,7 @@ def _weather(field: Field, assessment: plausibility.Assessment, name: str) -> Fi
 
 def _still_land(
     fields: Sequence[Field], is_land: BoolArray, water: BoolArray
-) -> tuple[BoolArray | None, tuple[Note, ...]]:
+) -> tuple[BoolArray, tuple[Note, ...]]:
     """Return the cells (ny, nx) without current in all fields, with a note, if they mean "no data".
 
     Then nearly all land has none. Turning water stands still in some fields only.
@@ -377,14 +377,12 @@ def _still_land(
         or still[is_land].mean() < _MIN_STILL_LAND_SHARE
         or still[water].mean() > _MAX_STILL_WATER_SHARE
     ):
-        return None, ()
+        return np.zeros_like(still), ()
     return still, (Note.of("filler-is-land"),)
 
 
-def _without(field: Field, cells: BoolArray | None) -> Field:
+def _without(field: Field, cells: BoolArray) -> Field:
     """Return a field with gaps in place of some cells (ny, nx)."""
-    if cells is None:
-        return field
     u, v = (np.where(cells, np.nan, part) for part in (field.u, field.v))
     return replace(field, u=u, v=v)
 
