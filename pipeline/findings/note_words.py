@@ -209,7 +209,7 @@ def _adrift_kept(asked: str, ends: Sequence[tuple[str, float, float]]) -> str:
     but = f", but for {near}: the limit can't be had nearer to an end" if near else ""
     return (
         f"without thrust the current alone takes {asked} at least from the best route to "
-        f"land{but} (planner.adrift, --adrift)"
+        f"land of the region{but} (planner.adrift, --adrift)"
     )
 
 

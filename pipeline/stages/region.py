@@ -337,6 +337,12 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
 
     choices = store.load_or_make("region", key, list, choose)
     bounds = bounds_of([bounds for bounds, _ in choices])
+    planner = scenario.planner
+    kept_m = planner.clearance or 0.0
+    kept_m += 0.0 if isinstance(planner.padding, str) else planner.padding
+    # Land beyond the margin is near a route that is to keep further off it.
+    if (more_m := kept_m - min(line.margin_m for line in lines)) > 0:
+        bounds = common_bounds(rounded_outward(widened_by(bounds, more_m)), limits) or bounds
     chosen = ChosenRegion(bounds, limits, sources, direct)
     note = Note.of(
         "region-chosen",

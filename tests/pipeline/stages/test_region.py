@@ -107,6 +107,10 @@ def test_a_chosen_region_holds_the_havens_that_can_be_reached(tmp_path: Path) ->
     _, south, east, _ = chosen_region(scenario, Store(tmp_path), offline=True).bounds
     assert too_far[1] < south < near_by[1]
     assert 180.235 < east < 181
+    # It reaches as far as the land of which routes are to keep clear.
+    clear = parse_scenario(table | {"seasons": still, "planner": {"clearance": 9e4}}, tmp_path)
+    west, *_ = chosen_region(clear, Store(tmp_path), offline=True).bounds
+    assert GEOD.inv(west, -40, 179.8, -40)[2] >= 9e4
 
 
 # --- What the currents of a voyage cover ---
