@@ -6,7 +6,6 @@ Options are made from tables: those of a voyage, and `options.toml`.
 import contextlib
 import inspect
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_origin
@@ -15,6 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from pipeline.errors import shortened
+from pipeline.texts import table_beside
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import CatalogueSection, Option, help_text, options, spelling
 
@@ -80,7 +80,7 @@ def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:
     return completed
 
 
-_ABOUT = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+_ABOUT = table_beside(__file__, "options.toml")
 
 
 def command(app: typer.Typer, name: str) -> Callable[[_Command], _Command]:

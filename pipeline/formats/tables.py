@@ -3,7 +3,6 @@
 import csv
 import itertools
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -28,7 +27,7 @@ from pipeline.formats.passage.waypoints import (
 )
 from pipeline.model import Case, Water
 from pipeline.scenario.loading import scenario_text
-from pipeline.texts import cell
+from pipeline.texts import cell, table_beside
 from renew.underway.survey import State
 
 _PASSAGE = ("departure", "arrival")
@@ -155,9 +154,7 @@ _ERROR_M = 5.0
 _NO_CURRENT_KN = 0.05
 
 
-_LEGS: dict[str, str] = tomllib.loads(
-    Path(__file__).with_name("legs.toml").read_text(encoding="utf-8")
-)
+_LEGS: dict[str, str] = table_beside(__file__, "legs.toml")
 
 
 def leg_headings(points: Waypoints) -> dict[str, str]:

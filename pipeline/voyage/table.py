@@ -6,7 +6,6 @@ It is no pydantic model, because the command line is made from it and has to sta
 which takes as long to load as all the rest.
 """
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any, Literal, TypeVar
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import folder_to_write
+from pipeline.texts import table_beside
 
 Asker = Literal["command", "page", "python"]
 Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number"]
@@ -92,7 +92,7 @@ class Option:
         return [word for given in values or () if given for word in (self.typed, str(given))]
 
 
-_ABOUT = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+_ABOUT = table_beside(__file__, "options.toml")
 
 
 def options(table: type[Any]) -> tuple[Option, ...]:

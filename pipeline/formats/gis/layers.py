@@ -5,12 +5,10 @@
 
 import math
 import sqlite3
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -29,6 +27,7 @@ from pipeline.findings.text import moment_text, os_error
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text, time_after
 from pipeline.model import Case
+from pipeline.texts import table_beside
 
 _TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
 
@@ -46,9 +45,7 @@ ZONE_STEP_M = 10_000.0
 """Maximum length, true metres, of a segment of a zone's edge: the chart is no more accurate."""
 
 
-LAYERS: dict[str, dict[str, str]] = tomllib.loads(
-    files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")
-)
+LAYERS: dict[str, dict[str, str]] = table_beside(__file__, "layers.toml")
 """The layers of `routes.gpkg`, by name, in their order in the file: texts and type of geometry."""
 
 

@@ -19,7 +19,6 @@ import shutil
 import signal
 import tempfile
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -38,6 +37,7 @@ from pipeline.scenario.season import Period, TimeMethod
 from pipeline.sources.cf.axes import MONTH, TimeSteps, middle_of_step, step_around
 from pipeline.sources.cf.fields import SelectedSteps, select_all_steps, select_steps
 from pipeline.sources.copernicus.client import LOGIN, answer_request, without_secrets
+from pipeline.texts import table_beside
 
 _BY_HOUR = "%Y-%m-%dT%H"
 _LABEL_FORMATS = {"month": "%Y-%m", "day": "%Y-%m-%d", "6 hours": _BY_HOUR, "hour": _BY_HOUR}
@@ -172,7 +172,7 @@ AcceptedT = TypeVar("AcceptedT")
 _PAUSE_GROWTH = 3.0
 # Time within which the service must say which steps it has, s.
 _LOOK_S = 120.0
-_ERRORS = tomllib.loads(Path(__file__).with_name("errors.toml").read_text(encoding="utf-8"))
+_ERRORS = table_beside(__file__, "errors.toml")
 _TRY_LATER = "try again later, or name another source in 'currents'"
 # Length to which the client's messages are cut, characters.
 _MAX_MESSAGE_LENGTH = 400

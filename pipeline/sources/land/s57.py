@@ -15,7 +15,6 @@ known to lie deep enough. Where cells overlap, the larger scale takes precedence
 import glob
 import math
 import os
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +32,7 @@ from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note, Zone
 from pipeline.model.inputs import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
-from pipeline.texts import clean
+from pipeline.texts import clean, table_beside
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.
@@ -49,7 +48,7 @@ _IDENTIFICATION = (
 _WGS84 = 2
 # Code in DSPM of the only unit of depths that it allows, the metre.
 _METRES = 1
-_TABLE = tomllib.loads(Path(__file__).with_name("s57.toml").read_text(encoding="utf-8"))
+_TABLE = table_beside(__file__, "s57.toml")
 DATUMS: dict[str, str] = _TABLE["datums"]
 # Number of files in a folder of charts above which it is not searched: all cells of the world and
 # their updates are some 100,000.
