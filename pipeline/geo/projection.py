@@ -35,7 +35,8 @@ from pipeline.errors import RequestError
 # A geometry or an array of geometries: functions return the type that they are given.
 GeometryT = TypeVar("GeometryT", bound="shapely.Geometry | Geometries")
 
-_GEOD = pyproj.Geod(ellps="WGS84")
+GEOD = pyproj.Geod(ellps="WGS84")
+"""Geodesics on the earth's ellipsoid."""
 _LONLAT = "OGC:CRS84"
 
 # Latitudes (degrees) and width (metres) at which the rows of the table above begin.
@@ -44,7 +45,7 @@ _POLAR_CENTRE_DEG = 75.0
 _EQUATORIAL_CENTRE_DEG = 10.0
 _SMALL_WIDTH_M = 1_000_000.0
 # Length of a degree of the equator, m.
-_EQUATOR_DEGREE_M = math.pi / 180 * _GEOD.a
+_EQUATOR_DEGREE_M = math.pi / 180 * GEOD.a
 
 # Half of the step of the central difference, degrees: 11 m, at which the relative errors by
 # rounding (1e-10) and curvature (1e-11) are both negligible for a heading.
@@ -202,7 +203,7 @@ class Projection:
         """
         path = np.asarray(xy, dtype=np.float64)
         lonlat = self.to_lonlat(densified(path, _MAX_LEG_M / self.scale))
-        return float(_GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
+        return float(GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
 
     def __dask_tokenize__(self) -> tuple[str, str, float, float]:
         """Return the values that identify a projection in the keys of the store."""
@@ -225,9 +226,9 @@ class Projection:
         latitude = np.clip(points[..., 1], -limit, limit)
         points = np.stack([points[..., 0], latitude], axis=-1)
         sine = np.sin(np.radians(latitude))
-        root = np.sqrt(1 - _GEOD.es * sine**2)
-        metres_east = np.radians(2 * _STEP_DEG) * _GEOD.a / root * np.cos(np.radians(latitude))
-        metres_north = np.radians(2 * _STEP_DEG) * _GEOD.a * (1 - _GEOD.es) / root**3
+        root = np.sqrt(1 - GEOD.es * sine**2)
+        metres_east = np.radians(2 * _STEP_DEG) * GEOD.a / root * np.cos(np.radians(latitude))
+        metres_north = np.radians(2 * _STEP_DEG) * GEOD.a * (1 - GEOD.es) / root**3
         columns = [
             (self.to_plane(points + step) - self.to_plane(points - step)) * self.scale
             for step in (np.array([_STEP_DEG, 0.0]), np.array([0.0, _STEP_DEG]))

@@ -20,6 +20,7 @@ from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import MachineError, PipelineError, RequestError, StageError
 from pipeline.findings.note_words import note_text
 from pipeline.findings.text import season_text
+from pipeline.geo.projection import GEOD
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, Note, Place
 from pipeline.model.inputs import CurrentSource, LandSource, current_notes, of_cases
@@ -148,10 +149,8 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
     """Set `max_hours` to its default if the case's currents change and it has no limit."""
     if not season.is_changing or season.max_hours is not None:
         return season
-    import pyproj
-
     lon, lat = zip(*scenario.stops.values(), strict=True)
-    apart_m = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
+    apart_m = GEOD.line_length(lon, lat)
     straight_hours = apart_m / scenario.vessel_in(season).speed_m_s / 3600
     wait = scenario.anchorage[1] if scenario.anchorage else timedelta()
     hours = _LONGEST_WAY * straight_hours + _DAY_HOURS + wait / timedelta(hours=1)
