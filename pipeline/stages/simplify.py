@@ -21,7 +21,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
-from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened
+from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened, within
 from pipeline.geo.projection import MAX_EDGE_M, Projection, position_text
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import Land, Note, Place, SimplifiedLand, planner_vessel
@@ -98,7 +98,10 @@ def simplify_land(
         they are so on the original land.
     projection : the planner's plane, in which edges will be straight; by default the region's own.
     """
-    used_margin_m, notes = _margin_used(margin_m, accuracy_m)
+    used_margin_m, notes = margin_m or accuracy_m, tuple[Note, ...]()
+    if margin_m is not None and margin_m < accuracy_m:
+        used_margin_m = accuracy_m
+        notes = (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
     plane = replace(projection or Projection.for_region(region), scale=1.0)
     extent = plane.geometry_to_plane(region, MAX_EDGE_M)
     shapely.prepare(extent)
@@ -112,7 +115,7 @@ def simplify_land(
     planar_m = used_margin_m * stretch + rounding_m
     overlap_m = max(_OVERLAP * diagonal_m, 2 * used_margin_m)
     window = extent.buffer(overlap_m + planar_m + tolerance_m, join_style="mitre")
-    land = _planar_land(polygons, plane, window)
+    land = extract_polygons(within(in_plane(polygons, plane), window))
     cover = opened(
         covering_land(land, tolerance_m, planar_m, ends), land, extent, ends, planar_m + tolerance_m
     )
@@ -141,13 +144,6 @@ def chosen_tolerance_m(accuracy_m: float, turning_radius_m: float, diagonal_m: f
     because a route turns by one to two radians in total round the capes that it passes.
     """
     return max(accuracy_m, _OF_RADIUS * turning_radius_m, _OF_DIAGONAL * diagonal_m)
-
-
-def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tuple[Note, ...]]:
-    """Return the larger of margin and accuracy, and a note if it is more than was asked for."""
-    if margin_m is None or margin_m >= accuracy_m:
-        return margin_m or accuracy_m, ()
-    return accuracy_m, (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
 
 
 def check(
@@ -206,18 +202,6 @@ def _beyond(areas: Geometries, cover: Geometries) -> Geometries:
         for area in left
     ]
     return np.array(beyond, dtype=object)
-
-
-def _planar_land(
-    polygons: Sequence[shapely.Polygon], plane: Projection, window: shapely.Polygon
-) -> Geometries:
-    """Project and repair the land, and clip it to the window."""
-    planar = in_plane(polygons, plane)
-    shapely.prepare(window)
-    planar = planar[shapely.intersects(window, planar)]
-    crosses = ~shapely.covers(window, planar)
-    planar[crosses] = shapely.intersection(planar[crosses], window)
-    return extract_polygons(planar)
 
 
 def _count_vertices(polygons: Geometries) -> int:

@@ -27,6 +27,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
+from pipeline.geo.coast import cut_to
 from pipeline.geo.projection import DepthCover
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note, Zone
@@ -205,27 +206,24 @@ def _refuse_other_editions(base: Path) -> None:
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:
     """Refuse a cell that is cancelled, not up to date, or violates the product specification."""
-    faults = []
-    # B.1, 5.7: an update that cancels a cell has the edition 0.
-    if str(identification["DSID_EDTN"]).strip() == "0":
-        faults.append(
-            f"{base.name}: the cell is cancelled (edition 0); remove it, and fetch the cells that "
-            "replace it"
-        )
     applied = int(str(identification["DSID_UPDN"]))
     last = int(cell_files(base)[-1].suffix[1:])
-    if applied < last:
-        faults.append(
-            f"{base.name}: update .{last:03d} is there, but only those up to .{applied:03d} could "
-            f"be applied: .{applied + 1:03d} is missing or damaged; fetch it"
-        )
-    if identification["DSPM_HDAT"] != _WGS84:
-        faults.append(f"{base.name}: its horizontal datum is not WGS 84; fetch another edition")
-    if identification["DSPM_DUNI"] != _METRES:
-        faults.append(f"{base.name}: its depths are not in metres; fetch another edition")
-    if int(str(identification["DSPM_CSCL"])) <= 0:
-        faults.append(f"{base.name}: its scale is not above 0; fetch it again")
-    if faults:
+    said = {
+        # B.1, 5.7: an update that cancels a cell has the edition 0.
+        "the cell is cancelled (edition 0); remove it, and fetch the cells that replace it": (
+            str(identification["DSID_EDTN"]).strip() == "0"
+        ),
+        f"update .{last:03d} is there, but only those up to .{applied:03d} could be applied: "
+        f".{applied + 1:03d} is missing or damaged; fetch it": applied < last,
+        "its horizontal datum is not WGS 84; fetch another edition": (
+            identification["DSPM_HDAT"] != _WGS84
+        ),
+        "its depths are not in metres; fetch another edition": (
+            identification["DSPM_DUNI"] != _METRES
+        ),
+        "its scale is not above 0; fetch it again": int(str(identification["DSPM_CSCL"])) <= 0,
+    }
+    if faults := [f"{base.name}: {fault}" for fault, is_one in said.items() if is_one]:
         raise RequestError(faults)
 
 
@@ -386,20 +384,11 @@ def _depth_areas(part: Cell) -> Iterator[DepthArea]:
     for name in filter(part.objects.__contains__, _DEPTH_CLASSES):
         objects, kind = part.objects[name], _DEPTH_CLASSES[name]
         limits = objects.numbers("DRVAL1"), objects.numbers("DRVAL2")
-        inside = _cut_to(objects.geometry, part.covered)
+        inside = cut_to(objects.geometry, part.covered)
         for area, least, greatest in zip(inside, *map(np.ndarray.tolist, limits), strict=True):
             # Clipping leaves lines where an area only touches the part.
             if shapely.area(area) > 0:
                 yield DepthArea(kind, least, greatest, area)
-
-
-def _cut_to(geometries: Geometries, area: shapely.Geometry) -> Geometries:
-    """Cut geometries along an area; those inside stay exactly as they are."""
-    shapely.prepare(area)
-    inside = shapely.covers(area, geometries)
-    cut = geometries.copy()
-    cut[~inside] = shapely.intersection(geometries[~inside], area)
-    return cut
 
 
 def _fixed_radius_m(cell: Cell) -> float:
@@ -445,7 +434,7 @@ def _zones(part: Cell) -> Iterator[Zone]:
     for name, objects in part.objects.items():
         if name != "RESARE" and name not in _TRAFFIC:
             continue
-        inside = _cut_to(objects.geometry, part.covered)
+        inside = cut_to(objects.geometry, part.covered)
         # Of a lane, ORIENT is the direction of its traffic.
         courses = objects.numbers("ORIENT") if name == "TSSLPT" else np.full(len(inside), np.nan)
         for area, title, codes, course_deg in zip(
