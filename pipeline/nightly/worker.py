@@ -297,8 +297,7 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
 def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> model.Case:
     """Return what the planner plans."""
     scenario, water = chart.scenario, chart.water
-    ends = np.array([case.start or scenario.start, case.goal or scenario.goal])
-    start, goal = ends if water.is_planar else water.projection.to_plane(ends)
+    start, goal = water.to_plane([case.start or scenario.start, case.goal or scenario.goal])
     voyage = model.Case(
         case.names[1],
         water,
@@ -407,9 +406,8 @@ def compared(
     if math.isfinite(keep):
         row["keep_fuel"] = keep
         row["saving_percent"] = 100 * (keep - route.fuel) / keep
-        if leaves is not None:
-            duration_s = planned.measures.routes[0].duration_s * keep / route.fuel
-            row["keep_arrival"] = leaves + timedelta(seconds=round(duration_s))
+        duration_s = planned.measures.routes[0].duration_s * keep / route.fuel
+        row["keep_arrival"] = _arrival(leaves, duration_s)
     return row
 
 

@@ -14,7 +14,7 @@ import shapely
 
 import renew
 from pipeline import model
-from pipeline._types import FloatArray, Geometries
+from pipeline._types import Geometries
 from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.text import moment_text
 from pipeline.geo.projection import Projection
@@ -55,9 +55,8 @@ def check_endpoints(scenario: Scenario, chart_water: model.Water) -> None:
     chart = chart_water.chart
     water = shapely.get_parts(chart.water)
     bodies, dry = dict[str, set[int]](), dict[str, shapely.Point]()
-    places = dict(
-        zip(scenario.stops, shapely.points(planar_stops(scenario, chart_water)), strict=True)
-    )
+    stops = shapely.points(chart_water.to_plane([*scenario.stops.values()]))
+    places = dict(zip(scenario.stops, stops, strict=True))
     for (name, given), here in zip(scenario.stops.items(), places.values(), strict=True):
         inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
         if not inside and given == scenario.start and scenario.under_way is not None:
@@ -323,12 +322,6 @@ def plane_water(scenario: Scenario, plane: Plane) -> model.Water:
     water = model.Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
     check_endpoints(scenario, water)
     return water
-
-
-def planar_stops(scenario: Scenario, water: model.Water) -> FloatArray:
-    """Return start, via points and goal in the plane (n + 2, 2)."""
-    given = np.array([*scenario.stops.values()], dtype=float)
-    return given if water.is_planar else water.projection.to_plane(given)
 
 
 def _obstacles(plane: Plane) -> tuple[shapely.Polygon, ...]:
