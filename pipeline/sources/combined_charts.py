@@ -202,6 +202,7 @@ def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
     if set(array.dims) != set(grid.dims):
         raise ValueError(grid_fault(array))
     attributes = {key.lower(): value for key, value in dataset.attrs.items()}
+    datum = attributes.get("verticaldatum", "")  # by its name, or its number in S-57
     return DepthFile(
         path=path,
         variable=name,
@@ -209,13 +210,8 @@ def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
         sign=sign,
         title=attributes.get("title", ""),
         licence=attributes.get("license") or attributes.get("licence") or "",
-        datum=_datum(attributes.get("verticaldatum", "")),
+        datum=DATUMS.get(datum, datum if datum in DATUMS.values() else ""),
     )
-
-
-def _datum(stated: str) -> str:
-    """Return the datum that a file states by its name, or its number in S-57; else ""."""
-    return DATUMS.get(stated, stated if stated in DATUMS.values() else "")
 
 
 def _variable(dataset: "xr.Dataset") -> tuple[str, float | None]:

@@ -162,7 +162,7 @@ class CfFiles(CurrentSource):
         """Read the files' contents, again only when the files have changed."""
         files = find_files(self.paths)
         stamps = tuple(_stamp(file) for file in files)
-        return _read_version(files, stamps, self.index, self.pair, self.quantity)
+        return _read_version(self, files, stamps)
 
 
 def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
@@ -174,16 +174,10 @@ def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str
 
 
 @lru_cache(maxsize=4)
-def _read_version(
-    files: tuple[Path, ...],
-    stamps: tuple[str, ...],
-    index: tuple[str, int] | None,
-    pair: tuple[str, str] | None,
-    quantity: Quantity,
-) -> Contents:
-    """Read the contents of files with these stamps."""
+def _read_version(source: CfFiles, files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
+    """Read the contents of a source's files with these stamps."""
     del stamps
-    return read_contents(files, index, pair, quantity)
+    return read_contents(files, source.index, source.pair, source.quantity)
 
 
 def _stamp(file: Path) -> str:
@@ -494,10 +488,15 @@ class CfMembers(CurrentSource):
             raise RequestError("members.weights leave less than two members; raise them")
         weights /= weights.sum()
         notes = dict.fromkeys(note for _, grid, _ in used for note in grid.notes)
+        # A mean has no value where any member has none.
+        u, v = (
+            np.tensordot(weights, np.array([getattr(grid, part) for _, grid, _ in used]), axes=1)
+            for part in "uv"
+        )
         return replace(
             used[0][1],
-            u=_mean([grid.u for _, grid, _ in used], weights),
-            v=_mean([grid.v for _, grid, _ in used], weights),
+            u=u,
+            v=v,
             members=tuple(
                 MemberGrid(name, grid.u, grid.v, float(weight))
                 for (name, grid, _), weight in zip(used, weights, strict=True)
@@ -563,11 +562,6 @@ def _difference(grid: CurrentGrid, first: CurrentGrid) -> str:
     if not np.array_equal(grid.times_s, first.times_s):
         return "other times"
     return "" if grid.valid == first.valid else f"another time ({grid.valid}, not {first.valid})"
-
-
-def _mean(parts: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
-    """Return the mean (nt, ny, nx) of a component over the members; NaN where any has none."""
-    return np.asarray(np.tensordot(weights, np.array(parts), axes=1))
 
 
 # Least time between a residual's steps: closer ones show the tide, which would count twice.

@@ -442,10 +442,8 @@ def _time_faults(dataset: "xr.Dataset", asked: SubsetRequest) -> list[str]:
     """Find whether the file lacks time steps, or has others than requested."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
-    labels, wanted = (
-        tuple(stamp.strftime(label_format(asked.spec)) for stamp in stamps),
-        asked.steps.labels,
-    )
+    form, wanted = label_format(asked.spec), asked.steps.labels
+    labels = tuple(stamp.strftime(form) for stamp in stamps)
     if labels == wanted:
         return []
     lacking = [label for label in wanted if label not in labels]

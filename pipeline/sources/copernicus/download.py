@@ -15,7 +15,6 @@ counts as absent.
 
 import contextlib
 import json
-import shutil
 import signal
 import tempfile
 import time
@@ -29,7 +28,7 @@ from shapely.geometry import Polygon
 
 from pipeline.errors import StageError, one_line
 from pipeline.geo.projection import MARGIN_CELLS, widened
-from pipeline.machine.files import write_whole
+from pipeline.machine.files import remove_abandoned, write_whole
 from pipeline.machine.store import file_hash
 from pipeline.machine.workers import WorkerEndedError, call_in_process
 from pipeline.scenario.catalogue import CopernicusSpec, StepLength
@@ -311,16 +310,13 @@ def save(staged: Path, file: Path, metadata: dict[str, Any]) -> dict[str, Any]:
 def staging_folder(cache: Path) -> Iterator[Path]:
     """Make an empty folder in the cache, and remove it when the block ends."""
     cache.mkdir(parents=True, exist_ok=True)
-    remove_abandoned(cache)
+    remove_abandoned_downloads(cache)
     with tempfile.TemporaryDirectory(
         suffix=_STAGING_SUFFIX, dir=cache, ignore_cleanup_errors=True
     ) as folder:
         yield Path(folder)
 
 
-def remove_abandoned(cache: Path) -> None:
+def remove_abandoned_downloads(cache: Path) -> None:
     """Remove staging folders that killed runs left behind, with the client's leftovers in them."""
-    for staging in cache.glob(f"*{_STAGING_SUFFIX}"):
-        with contextlib.suppress(OSError):
-            if time.time() - staging.stat().st_mtime > _ABANDONED_AGE_S:
-                shutil.rmtree(staging, ignore_errors=True)
+    remove_abandoned(cache, f"*{_STAGING_SUFFIX}", _ABANDONED_AGE_S)
