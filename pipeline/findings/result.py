@@ -389,8 +389,7 @@ class RunResult:
     @cached_property
     def stops(self) -> FloatArray:
         """The scenario's start, via points and goal, planar metres (n + 2, 2)."""
-        given = np.array([*self.scenario.stops.values()], dtype=float)
-        return given if self.water.is_planar else self.water.projection.to_plane(given)
+        return self.water.to_plane([*self.scenario.stops.values()])
 
     @property
     def routes(self) -> tuple[RankedRoute, ...]:
@@ -561,12 +560,6 @@ def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
             ashore=row.ashore_share,
             carries="current and the wind carry" if case.case.leeway else "current carries",
         )
-
-
-def sea_notes(ranked: RankedRoute) -> Iterator[Note]:
-    """Yield notes on a vessel without thrust, and on the weather that a route meets."""
-    yield from adrift_notes(ranked)
-    yield from weather_notes(ranked)
 
 
 def weather_notes(ranked: RankedRoute) -> Iterator[Note]:

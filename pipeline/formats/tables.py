@@ -13,7 +13,7 @@ import numpy as np
 import renew
 from pipeline._types import FloatArray, IntArray
 from pipeline.findings import choices, route_profile
-from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
+from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
 from pipeline.findings.names import figure_columns, figures, used
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
@@ -385,7 +385,9 @@ def haven_texts(row: HavenRow, case: RunCase) -> dict[str, str]:
 
 def haven_facts(case: RunCase) -> list[str]:
     """Return sentences that explain the table of havens: limits, shares, how to use it."""
-    coverage, limits = coverage_of(case), case.scenario.havens
+    coverage, limits = case.coverage, case.scenario.havens
+    if coverage is None:
+        return []
     shares = ", ".join(f"{percent(coverage.share(state))} {state}" for state in STATES)
     left_out = ", ".join(haven.name for haven, _ in coverage.left_out)
     return [

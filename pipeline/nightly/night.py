@@ -196,8 +196,9 @@ class _Night:
 
     def _named(self) -> NightOutcome | None:
         """Publish this cycle if a killed job finished it without changing `latest`; else None."""
-        for cycle in reversed(self.cycles.revisions(self.newest.cycle)):
-            if not self._reason_to_revise(cycle):
+        for cycle in reversed(self.cycles.finished()):
+            is_on_these = base_of(cycle) == base_of(self.newest.cycle)
+            if is_on_these and not self._reason_to_revise(cycle):
                 self.cycles.point_at(cycle)
                 self.cycles.prune(self.config.spec.keep)
                 return self._outcome_of(cycle, "", fresh=True)
