@@ -482,9 +482,13 @@ class Plans:
             self._ahead = options
             self._waiting.put_nowait(None)
 
-    def get(self, identity: str) -> AskedPlan | None:
-        """Return a plan by its id; None if it is not known."""
-        return self._plans.get(identity)
+    def get(self, identity: str, *, drawn: bool = False) -> AskedPlan:
+        """Return a plan by its id; NotTakenError if it is not known, or not yet `drawn`."""
+        plan = self._plans.get(identity)
+        if plan is None or (drawn and not plan.maps):
+            fault = "there is no such plan; the server keeps the latest ones only"
+            raise NotTakenError(fault, 404)
+        return plan
 
     def all(self) -> tuple[AskedPlan, ...]:
         """Return all plans that are kept, the latest first."""

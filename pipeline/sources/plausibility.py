@@ -282,7 +282,8 @@ def likeliest_variant(field: Field) -> tuple[str, float, float] | None:
     moving = np.isfinite(own) & (_variation(field) > 0)
     if np.count_nonzero(moving) < _MIN_CORNERS or across <= _STRAIGHT_SHARE * along:
         return None
-    block = _block_numbers(own.shape)[moving]
+    row, column = (np.arange(size) * _BLOCKS_PER_SIDE // size for size in own.shape)
+    block = (row[:, None] * _BLOCKS_PER_SIDE + column)[moving]
     candidates = {
         FLIPPED: (-field.u, field.v),
         SWAPPED: (field.v, field.u),
@@ -333,9 +334,3 @@ def _variation(field: Field) -> FloatArray:
         for other in (part[1:, 1:], part[1:, :-1], part[:-1, 1:]):
             total += (other - part[:-1, :-1]) ** 2
     return total
-
-
-def _block_numbers(shape: tuple[int, int]) -> IndexArray:
-    """Return the number of the block that each corner lies in: (ny, nx)."""
-    row, column = (np.arange(size) * _BLOCKS_PER_SIDE // size for size in shape)
-    return np.asarray(row[:, None] * _BLOCKS_PER_SIDE + column[None, :])

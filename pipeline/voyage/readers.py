@@ -53,7 +53,7 @@ def speed_or_range(given: str | tuple[float, float]) -> float | tuple[float, flo
     if not isinstance(given, str):
         (low, high), text = given, f"{given[0]!r}m/s{RANGE}{given[1]!r}m/s"
     elif RANGE not in given:
-        return _positive(given, speed_m_s)
+        return above_0_m_s(given)
     else:
         text = given.strip()
         least, _, most = given.partition(RANGE)
@@ -73,22 +73,19 @@ def length_m(text: str) -> float:
     return _read(text, _LENGTHS, "a length such as 90m, 300ft or 0.5nm")
 
 
-def dimension_m(text: str) -> float:
-    """Read a dimension of a vessel, m."""
-    return _positive(text, length_m)
+def _above_0(reader: Callable[[str], float]) -> Callable[[str], float]:
+    """Return a reader of figures above 0."""
+
+    def read(text: str) -> float:
+        figure = reader(text)
+        if figure <= 0:
+            raise ValueError(f"{text} is not above 0; give a larger figure")
+        return figure
+
+    return read
 
 
-def above_0_m_s(text: str) -> float:
-    """Read a speed of wind, m/s."""
-    return _positive(text, speed_m_s)
-
-
-def _positive(text: str, reader: Callable[[str], float]) -> float:
-    """Read a figure above 0."""
-    figure = reader(text)
-    if figure <= 0:
-        raise ValueError(f"{text} is not above 0; give a larger figure")
-    return figure
+dimension_m, above_0_m_s = _above_0(length_m), _above_0(speed_m_s)
 
 
 def read_clearance_m(given: str | float) -> float:
