@@ -392,10 +392,14 @@ class KnownCells:
 
 def _cell(axis: FloatArray, values: FloatArray) -> tuple[IndexArray, BoolArray]:
     """Return the node nearest to each value, and whether the value is within its cell."""
-    nearest = np.searchsorted((axis[1:] + axis[:-1]) / 2, values)
     low = axis[0] - (axis[1] - axis[0]) / 2
     high = axis[-1] + (axis[-1] - axis[-2]) / 2
-    return nearest, (values >= low) & (values <= high)
+    return nearest_node(axis, values), (values >= low) & (values <= high)
+
+
+def nearest_node(axis: FloatArray, values: FloatArray) -> IndexArray:
+    """Return the index of an ascending axis's node that is nearest to each value."""
+    return np.asarray(np.searchsorted((axis[1:] + axis[:-1]) / 2, values))
 
 
 @dataclass(frozen=True, slots=True)

@@ -528,7 +528,9 @@ class Plans:
             name = _PREPARING if plan is None else plan.id
             work = self._work[name] = asyncio.create_task(self._made(worker, plan))
             work.add_done_callback(partial(self._ended, name))
-            found = asyncio.create_task(_never() if plan is None else plan.is_found.wait())
+            # What is only prepared is never found before its work has ended.
+            is_found = asyncio.Event() if plan is None else plan.is_found
+            found = asyncio.create_task(is_found.wait())
             await asyncio.wait([work, found], return_when=asyncio.FIRST_COMPLETED)
             found.cancel()
             if not worker.is_running:
@@ -617,8 +619,3 @@ def _read_plans(folder: Path, output: Path) -> list[AskedPlan]:
             plan.directory = output / plan.name if plan.files else None
             plans.append(plan)
     return sorted(plans, key=lambda plan: plan.asked_at)[-_MAX_KEPT:]
-
-
-async def _never() -> None:
-    """Wait for ever."""
-    await asyncio.get_running_loop().create_future()

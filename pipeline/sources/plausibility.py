@@ -25,7 +25,7 @@ from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.projection import EARTH_RADIUS_M
 from pipeline.model import Note
 from pipeline.sources.current_field import Field, LandMask, find_shift
-from pipeline.sources.quantities import Quantity
+from pipeline.sources.quantities import SIZE, Quantity
 
 # Limits of the root mean square speed of moving water: (least width and height of the field in
 # degrees to which the limits apply; speed in m/s above which to warn; above which to refuse). Real
@@ -221,7 +221,7 @@ def assess_sizes(fields: Iterable[Field], labels: Sequence[str], quantity: Quant
         size = np.hypot(field.u, field.v)[~field.gap]
         most = float(size.max(initial=0.0))
         low = 0.0
-        if not quantity.has_direction:
+        if SIZE in quantity.grib_names:  # it has no direction
             low = float(field.u.min(where=~field.gap, initial=0.0))
         fault = f"it reaches {most:.3g} {quantity.unit}, above {quantity.most:g}"
         if low < 0:

@@ -74,11 +74,6 @@ class Quantity:
         """Whether it is the current of the water."""
         return self.name == CURRENT.name
 
-    @property
-    def has_direction(self) -> bool:
-        """Whether it has two components."""
-        return SIZE not in self.grib_names
-
 
 def _quantities() -> Iterator[Quantity]:
     """Yield the quantities of the table."""

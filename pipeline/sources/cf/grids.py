@@ -108,16 +108,12 @@ def _curved_lines(dataset: "xr.Dataset", array: "xr.DataArray") -> SourceMesh | 
     for pair in reversed(pairs):
         names = _named_first(dataset, array, pair)
         if "lon" in names and "lat" in names:
-            y, x = pair if not _is_turned(pair) else pair[::-1]
+            first, second = (name.lower().split("_")[0] for name in pair)
+            is_along_x = first in _ALONG_X and second in _ALONG_Y
+            y, x = pair[::-1] if is_along_x else pair
             lon, lat = (_degrees(dataset, names[role], (y, x)) for role in ("lon", "lat"))
             return SourceMesh((y, x), lon, lat)
     return None
-
-
-def _is_turned(pair: tuple[str, str]) -> bool:
-    """Whether the names of two dimensions say that the first is along x."""
-    first, second = (name.lower().split("_")[0] for name in pair)
-    return first in _ALONG_X and second in _ALONG_Y
 
 
 def _straight_axes(mesh: SourceMesh) -> Axes | None:
