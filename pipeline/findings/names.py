@@ -43,11 +43,6 @@ def safe_name(name: str) -> str:
     return f"{short}-{digest}" if short else digest
 
 
-def season_stem(scenario: str, case: str) -> str:
-    """Return the beginning of the names of a case's files."""
-    return safe_name(f"{scenario}-{case}")
-
-
 SCHEMA_VERSION = 1
 # An absolute path inside a text, of at least two parts: no address, fraction or tag.
 _ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)+([^\s/'\",;]+)")

@@ -15,7 +15,7 @@ import renew
 from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.findings.names import season_stem
+from pipeline.findings.names import safe_name
 from pipeline.findings.text import capitalised, gap_figure, planner_text, season_name
 from pipeline.geo.projection import MAX_EDGE_M
 from pipeline.model import ShoreCrossing
@@ -138,7 +138,7 @@ class RunCase:
     @property
     def stem(self) -> str:
         """The beginning of the names of its files."""
-        return season_stem(self.scenario.name, self.name)
+        return safe_name(f"{self.scenario.name}-{self.name}")
 
     @property
     def scenario(self) -> Scenario:

@@ -299,7 +299,9 @@ def fetched_plane(plane: Plane, scale: float) -> model.Fetched:
     credit = model.Credit(
         name="Obstacles of the scenario", kind="land", text=plane.credit, licence=""
     )
-    polygons = tuple(projection.geometry_to_lonlat(polygon) for polygon in _obstacles(plane))
+    polygons = tuple(
+        projection.geometry_to_lonlat(polygon) for polygon in map(shapely.Polygon, plane.obstacles)
+    )
     return model.Fetched(model.Land(polygons, (credit,), accuracy_m=0.0), ())
 
 
@@ -318,15 +320,13 @@ def unsimplified(land: model.Land) -> model.SimplifiedLand:
 
 def plane_water(scenario: Scenario, plane: Plane) -> model.Water:
     """Build the chart from the given metres; a detour over lon/lat would round them."""
-    obstacles, projection = _obstacles(plane), _projection(scenario.scale)
+    obstacles, projection = (
+        tuple(map(shapely.Polygon, plane.obstacles)),
+        _projection(scenario.scale),
+    )
     water = model.Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
     check_endpoints(scenario, water)
     return water
-
-
-def _obstacles(plane: Plane) -> tuple[shapely.Polygon, ...]:
-    """Return the obstacles as polygons in metres."""
-    return tuple(shapely.Polygon(corners) for corners in plane.obstacles)
 
 
 def _projection(scale: float) -> Projection:

@@ -21,7 +21,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
-from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened, within
+from pipeline.geo.coast import covering_land, inner_land, opened, within
 from pipeline.geo.projection import MAX_EDGE_M, Projection, position_text
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import Land, Note, Place, SimplifiedLand, planner_vessel
@@ -101,7 +101,7 @@ def simplify_land(
     used_margin_m, notes = margin_m or accuracy_m, tuple[Note, ...]()
     if margin_m is not None and margin_m < accuracy_m:
         used_margin_m = accuracy_m
-        notes = (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
+        notes += (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
     plane = replace(projection or Projection.for_region(region), scale=1.0)
     extent = plane.geometry_to_plane(region, MAX_EDGE_M)
     shapely.prepare(extent)
@@ -124,6 +124,9 @@ def simplify_land(
         for polygons in (cover.land, inner_land(land, tolerance_m, rounding_m), land)
     )
     check(outer, inner, charted, ends, plane)
+    if cover.narrowest is not None:
+        place, width_m = Place(*plane.to_lonlat(cover.narrowest).tolist()), cover.width_m
+        notes += (Note.of("margin-narrowed", margin_m=used_margin_m, width_m=width_m, place=place),)
     return SimplifiedLand(
         polygons=tuple(plane.geometry_to_lonlat(outer).tolist()),
         inner_polygons=tuple(plane.geometry_to_lonlat(inner).tolist()),
@@ -131,7 +134,7 @@ def simplify_land(
         vertices=_count_vertices(outer),
         tolerance_m=tolerance_m,
         margin_m=used_margin_m,
-        notes=(*notes, *_opening_notes(cover, used_margin_m, plane)),
+        notes=notes,
     )
 
 
@@ -208,12 +211,3 @@ def _count_vertices(polygons: Geometries) -> int:
     """Count the vertices of polygons; a ring's last point, equal to its first, is not counted."""
     rings = shapely.get_num_interior_rings(polygons).sum() + len(polygons)
     return int(shapely.get_num_coordinates(polygons).sum() - rings)
-
-
-def _opening_notes(cover: OpenWater, margin_m: float, plane: Projection) -> tuple[Note, ...]:
-    """Return a note if start and goal are connected only by a passage narrower than the margin."""
-    if cover.narrowest is None:
-        return ()
-    place = Place(*plane.to_lonlat(cover.narrowest).tolist())
-    note = Note.of("margin-narrowed", margin_m=margin_m, width_m=cover.width_m, place=place)
-    return (note,)

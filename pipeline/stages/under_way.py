@@ -16,7 +16,7 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.findings.names import MANIFEST, SCHEMA_VERSION, season_stem, without_folders
+from pipeline.findings.names import MANIFEST, SCHEMA_VERSION, safe_name, without_folders
 from pipeline.findings.text import json_value
 from pipeline.geo.projection import GEOD, Projection
 from pipeline.machine.paths import expanded, shown, unreadable_reason
@@ -258,7 +258,7 @@ class FinishedSeason:
     @property
     def _features(self) -> Path:
         """The file of the routes."""
-        stem = season_stem(self.scenario["name"], self.season["name"])
+        stem = safe_name(f"{self.scenario['name']}-{self.season['name']}")
         return self.folder / f"{stem}.geojson"
 
 
