@@ -86,7 +86,8 @@ def load_libraries() -> None:
     """Import what writes files, and its libraries; it takes a second: call it before planning."""
     for name in ("gis.geopackage", "passage.routes", "report.page"):
         importlib.import_module(f"pipeline.formats.{name}")
-    importlib.import_module("geopandas")
+    for name in ("geopandas", "netCDF4", "pyogrio"):
+        importlib.import_module(name)
 
 
 def formats_of(result: RunResult) -> dict[str, Format]:

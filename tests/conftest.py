@@ -22,8 +22,10 @@ import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
+from pipeline.findings import other_ways
 from pipeline.machine.files import file_lock
 from renew._compiled import has_all
+from renew.bounds import fuel_lower_bound
 
 ROOT = Path(__file__).resolve().parent.parent
 # As the program does (`pipeline.machine.interpreters`): thousands of tests are in use all the time,
@@ -34,6 +36,12 @@ WAIT_S = 600.0
 _GOLDEN = (5**0.5 - 1) / 2
 # Folders of such tests.
 _SHARING = {"nightly", "serve"}
+# Modules with the numbers of cells on which fuel is bounded, and these.
+_CELLS = {module: module._CELLS for module in (fuel_lower_bound, other_ways)}
+# Quick tests have a fraction of them: a bound holds on any grid, and takes a fifth of a run's time.
+_SHARE_OF_CELLS = 1 / 16
+# Folders and files of tests that need the planner's own: of the bound, and beside other processes.
+_EXACT = {"bounds", "test_determinism.py", "test_other_ways.py", "test_plans.py"}
 
 # The gate draws the same examples for everybody: a red run is the change's doing.
 # `make test-new-examples` draws others. No deadline, and slow draws are allowed: the first call of
@@ -77,6 +85,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for number, item in enumerate(like):
             if number not in chosen:
                 item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(tryfirst=True)  # before any fixture plans
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Bound fuel on grids of fewer cells in quick tests, but for those of the bound itself."""
+    is_exact = item.get_closest_marker("slow") or not _EXACT.isdisjoint(item.path.parts)
+    for module, cells in _CELLS.items():
+        vars(module)["_CELLS"] = cells if is_exact else int(cells * _SHARE_OF_CELLS)
 
 
 def _is_local(address: object) -> bool:

@@ -173,12 +173,7 @@ def tighten(
 
 
 def leg_times(
-    a: FloatArray,
-    b: FloatArray,
-    current: Field,
-    vessel: renew.Vessel,
-    drift: str,
-    max_piece: float,
+    a: FloatArray, b: FloatArray, current: Field, vessel: renew.Vessel, drift: str, max_piece: float
 ) -> tuple[FloatArray, FloatArray]:
     """Times (n,) over straight legs a -> b and b -> a (n, 2), s; inf where a leg is impassable.
 

@@ -38,11 +38,7 @@ def with_and_against(points: FloatArray) -> FloatArray:
 
 
 def leg_times(
-    path: FloatArray,
-    speeds: FloatArray,
-    current: Callable[[FloatArray], FloatArray],
-    *,
-    crab: bool,
+    path: FloatArray, speeds: FloatArray, current: Callable[[FloatArray], FloatArray], *, crab: bool
 ) -> FloatArray:
     """Times (..., n - 1), s, over the legs of paths (..., n, 2) at speeds through water.
 

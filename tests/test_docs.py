@@ -81,8 +81,7 @@ def _targets() -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "document",
-    [pytest.param(one, marks=[pytest.mark.slow] * (one in LONG)) for one in DOCUMENTS],
+    "document", [pytest.param(one, marks=[pytest.mark.slow] * (one in LONG)) for one in DOCUMENTS]
 )
 def test_python_blocks_run(document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The blocks run in their order, in one namespace, as a reader would paste them."""

@@ -16,8 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from utide._ut_constants import ut_constants
-from utide.harmonics import FUV, ut_E
 
 import renew
 from pipeline.sources.tide_stations import Station, read_station
@@ -54,6 +52,9 @@ def by_pytmd(constants: dict[str, renew.Constant], at: Instants, _: float) -> Fl
 
 def by_utide(constants: dict[str, renew.Constant], at: Instants, latitude: float) -> FloatArray:
     """Return the sum (m) by UTide, with exact times and satellites for the latitude."""
+    from utide._ut_constants import ut_constants
+    from utide.harmonics import FUV
+
     spelled = {"LAM2": "LDA2", "RHO": "RHO1", "2MK3": "MO3", "M1": "NO1"}
     known = [str(name).strip() for name in ut_constants.const.name]
     index = np.array([known.index(spelled.get(name, name)) for name in constants])
@@ -111,6 +112,9 @@ NOISE = 0.1
 
 def utide_sum(hours: np.ndarray[Any, Any], turned: float = 0.0) -> np.ndarray[Any, Any]:
     """Sum the constituents from 2025 on by UTide, whose arguments are not those of the fit."""
+    from utide._ut_constants import ut_constants
+    from utide.harmonics import ut_E
+
     names = [str(name).strip() for name in ut_constants.const.name]
     index = [names.index(name) for name in STREAM]
     days = np.datetime64("2025-01-01").astype(int) + 719163 + hours / 24

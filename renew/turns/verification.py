@@ -171,19 +171,17 @@ def free_shares(
     """
     ends = for_kernels(edges[:, 0]), for_kernels(edges[:, 1])
     bare = PaddedEdges.of(*ends, np.zeros(len(edges)), np.arange(len(edges)))
-    vessel, left = voyages[0].vessel, None
+    vessel = voyages[0].vessel
     spacing = _CLOSELY * vessel.turning_radius
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     along = np.append(np.arange(0.0, length, spacing), length)
     share, per_station = np.ones(len(along)), 1 if voyages[0].current.is_steady else 3
+    near = _Near.along(path, voyages, bare, reach, speeds, spacing)
     for step in range(_STEPS, 0, -1):
-        tighter = replace(vessel, turn_rate=vessel.turn_rate * _STEPS / step)
-        flown_by = [replace(one, vessel=tighter) for one in voyages]
-        near = _Near.along(path, flown_by, bare, reach, speeds, spacing)
-        near = near if left is None else near._replace(close=np.intersect1d(near.close, left))
-        left = near.touching
-        share[np.minimum(left // per_station, len(along) - 1)] = (step - 1) / _STEPS
-        if not len(left):
+        near = near.of_circle(step / _STEPS, vessel)
+        near = near._replace(close=near.touching)
+        share[np.minimum(near.close // per_station, len(along) - 1)] = (step - 1) / _STEPS
+        if not len(near.close):
             break
     return along, share
 
@@ -247,6 +245,16 @@ class _Near(NamedTuple):
         speed = speeds_along(points, path, speeds)
         edges = padded, vessel
         return cls(points, course, speed, furthest, first, near, close, *edges, tuple(flown))
+
+    def of_circle(self, share: float, vessel: Vessel) -> "_Near":
+        """Return the stations with a share of a vessel's turning circle; no wider than before.
+
+        Both parts of the margin are as wide as the circle.
+        """
+        tighter = replace(vessel, turn_rate=vessel.turn_rate / share)
+        narrower = tighter.turning_radius / self.vessel.turning_radius
+        flown = tuple(one._replace(margin=one.margin * narrower) for one in self.flown)
+        return self._replace(vessel=tighter, flown=flown)
 
     def needs(self, flown: _Flown, chart: Chart) -> tuple[IntArray, FloatArray, FloatArray]:
         """Return edges near the path, the padding (p,) that they need, and their room (p,), m."""

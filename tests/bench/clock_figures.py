@@ -171,9 +171,7 @@ def _chosen(seed: int, length: int) -> renew.Departures:
     minutes = [*range(0, length, _STEP), length]
     within = math.ceil(length * _PROVEN_SHARE)
     return scene.plan_departures(
-        MINUTE_S * np.array(minutes),
-        to_within=within * MINUTE_S,
-        spacing=MINUTE_S,
+        MINUTE_S * np.array(minutes), to_within=within * MINUTE_S, spacing=MINUTE_S
     )
 
 

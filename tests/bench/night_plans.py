@@ -89,10 +89,7 @@ def table() -> str:
         ("disk a night", *(f"{disk_gb(case):,.1f} GB" for case in CASES)),
         (f"disk, {KEPT} nights", *(f"{disk_gb(case, KEPT):,.1f} GB" for case in CASES)),
         *(
-            (
-                f"cores, {how}, a night",
-                *(f"{core_hours(case) * price:,.2f} €" for case in CASES),
-            )
+            (f"cores, {how}, a night", *(f"{core_hours(case) * price:,.2f} €" for case in CASES))
             for how, price in PER_CORE_HOUR.items()
         ),
         ("disk, a month", *(f"{disk_gb(case, KEPT) * PER_GB_MONTH:,.2f} €" for case in CASES)),

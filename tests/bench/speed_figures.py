@@ -233,13 +233,7 @@ def _hardly_changing() -> Iterator[Figure]:
 
     def fuel(current: renew.CurrentField) -> float:
         return renew.plan(
-            chart,
-            current,
-            PAPER_VESSEL,
-            (20, 30),
-            (130, 120),
-            speed=_SPEEDS,
-            arrive_by=_DEADLINE,
+            chart, current, PAPER_VESSEL, (20, 30), (130, 120), speed=_SPEEDS, arrive_by=_DEADLINE
         ).best.fuel
 
     steady = fuel(still)

@@ -111,9 +111,7 @@ def test_each_channel_is_in_its_own_colour_and_holds_its_route(result: RunResult
         assert len(segments(axes, colour)) == 3 * len(ranked.route.channel)
 
 
-def test_the_best_by_each_passage_has_its_channel_drawn(
-    result: RunResult,
-) -> None:
+def test_the_best_by_each_passage_has_its_channel_drawn(result: RunResult) -> None:
     """The only southern class is one of the four, although it is the last of five."""
     routes = result.case("winter").routes
     rows = [

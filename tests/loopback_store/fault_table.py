@@ -151,9 +151,7 @@ ROWS: tuple[Row, ...] = (
     Row("an empty chunk", ("the client failed",), (Fault(_ONE, "empty"),)),
     Row("a chunk that is too short", ("the client failed",), (Fault(_ONE, "short"),)),
     Row(
-        "a bit flipped in a chunk's head",
-        ("the client failed",),
-        (Fault(_ONE, "flipped", bit=3),),
+        "a bit flipped in a chunk's head", ("the client failed",), (Fault(_ONE, "flipped", bit=3),)
     ),
     Row("a bit flipped in an axis", ("the client failed",), (Fault(_TIME, "flipped", bit=3),)),
     Row(

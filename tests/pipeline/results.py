@@ -17,14 +17,15 @@ from pipeline.scenario.model import Scenario
 
 
 @contextlib.contextmanager
-def plain_pages() -> Iterator[None]:
-    """Write the report without its figures, which take most of the time."""
+def plain_pages(*plain: str) -> Iterator[None]:
+    """Write words in place of the report and the GeoPackage, or of one: most of the time."""
 
     def write_text(result: RunResult, path: Path) -> None:
         path.write_text(result.scenario.name)
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("pipeline.formats.report.page.write_report", write_text)
+        for name in plain or ("report.page.write_report", "gis.geopackage.write_geopackage"):
+            patched.setattr(f"pipeline.formats.{name}", write_text)
         yield
 
 

@@ -73,8 +73,9 @@ def test_a_refused_run_leaves_the_store_and_the_locks_of_another(tmp_path: Path)
 def test_leftovers_of_a_killed_run_go_at_its_next_start_and_those_of_a_running_one_stay(
     tmp_path: Path,
 ) -> None:
-    with holding(tmp_path, "killed"):
-        pass
+    left = tmp_path / ".artefacts" / "plan" / ".killed.0a.tmp"
+    left.parent.mkdir(parents=True)
+    left.touch()
     with holding(tmp_path, "running"), session("killed", tmp_path) as held:
         names = {path.name for path in (held.store.root / "plan").iterdir()}
         assert names == {"key.artefact", ".running.0a.tmp"}

@@ -17,15 +17,7 @@ import renew
 from renew._types import FloatArray
 from tests.bounded_scenes import SCENES, eddy_scene, walls
 from tests.oracles import grid_dijkstra, tighten
-from tests.strategies import (
-    PAPER_VESSEL,
-    SIZE,
-    Scene,
-    examples,
-    random_scene,
-    seeds,
-    single_gyre,
-)
+from tests.strategies import PAPER_VESSEL, SIZE, Scene, examples, random_scene, seeds, single_gyre
 
 # Largest ratio of the planner's fuel to the oracle's (issue 2).
 ORACLE = 1.005

@@ -196,9 +196,7 @@ def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_code_for_a_processor_asked_for_is_read_where_it_is_asked_for_again(
-    package: Path,
-) -> None:
+def test_code_for_a_processor_asked_for_is_read_where_it_is_asked_for_again(package: Path) -> None:
     generic = {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": ""}
     first = run(package, **generic)
     assert (first.compiled, first.processor) == (1, "x86-64-v3")

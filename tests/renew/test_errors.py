@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 
 import renew
-from renew.errors import (
-    InfeasibleError,
-    PlanningError,
-    Strait,
-    Text,
-    from_until,
-    in_metres,
-)
+from renew.errors import InfeasibleError, PlanningError, Strait, Text, from_until, in_metres
 
 PLACES = np.array([1.0, -2.5]), np.array([1e5, 0.1234567])
 

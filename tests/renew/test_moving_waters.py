@@ -41,6 +41,7 @@ def swinging(epsilon: float) -> renew.SwingingGyre:
     return renew.SwingingGyre(0.1, 2 * UNIT, UNIT, epsilon, 1 / UNIT)
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     ("current", "extent", "start", "goal", "least"),
     [

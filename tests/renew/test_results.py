@@ -26,7 +26,7 @@ from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre
 
 
-@examples(3, 6)
+@examples(2, 6)
 @given(seed=seeds)
 def test_routes_are_what_their_figures_say(seed: int) -> None:
     scene = random_scene(seed)

@@ -68,6 +68,7 @@ def test_the_height_relied_on_is_the_least_within_the_lag_less_the_surge() -> No
     )
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("height", [0.7, 2.5])
 def test_a_constant_tide_is_a_depth_bit_for_bit(height: float) -> None:
     need = 1.2

@@ -94,7 +94,7 @@ def test_in_still_water_the_way_is_a_great_circle() -> None:
     assert straight > 1.005 * best.fuel
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("drift", ["projected", "crab"])
 @pytest.mark.parametrize("changes", [False, True])
 def test_in_a_current_times_are_those_of_true_metres(drift: Drift, *, changes: bool) -> None:

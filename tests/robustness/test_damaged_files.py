@@ -165,11 +165,7 @@ def change_zarr(file: Path, rng: random.Random) -> None:
         one = rng.choice(chunks)
         one.unlink()
         rng.choice(
-            (
-                one.mkdir,
-                lambda: one.symlink_to(one.name),
-                lambda: one.symlink_to("/dev/zero"),
-            )
+            (one.mkdir, lambda: one.symlink_to(one.name), lambda: one.symlink_to("/dev/zero"))
         )()
 
 

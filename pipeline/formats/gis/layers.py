@@ -60,17 +60,18 @@ def frame(
     in UTC.
     """
     import geopandas
+    import pandas as pd
 
-    counts = [np.size(part) for part in geometry]
-    types = {name: COLUMNS[name].type for name in columns}
-    joined = {name: _joined(columns[name], counts, _TYPES[kind]) for name, kind in types.items()}
-    shapes = _joined(geometry, counts, object)
-    table = geopandas.GeoDataFrame(joined, geometry=shapes, crs="EPSG:4326")
-    table = table.astype({n: "datetime64[s, UTC]" for n, kind in types.items() if kind == "time"})
-    cells = table[list(columns)]
-    filled = (cells.notna() & cells.ne("")).any() | table.empty
-    needed = [name for name in columns if COLUMNS[name].files and not COLUMNS[name].optional]
-    return table.drop(columns=[name for name in columns if not filled[name] and name not in needed])
+    counts, table = [np.size(part) for part in geometry], dict[str, Any]()
+    # A column is typed and chosen before the frame is made: each change of a frame copies it.
+    for name, values in columns.items():
+        about = COLUMNS[name]
+        column = _joined(values, counts, _TYPES[about.type])
+        is_filled = pd.notna(column) & (column.astype(object) != "")
+        if is_filled.any() or not len(column) or (about.files and not about.optional):
+            is_time = about.type == "time"
+            table[name] = pd.array(column, dtype="datetime64[s, UTC]") if is_time else column
+    return geopandas.GeoDataFrame(table, geometry=_joined(geometry, counts, object), crs=4326)
 
 
 def rows_frame(geometry: Geometries, rows: Sequence[Mapping[str, Any]]) -> GeoDataFrame:

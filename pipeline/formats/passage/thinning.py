@@ -25,7 +25,7 @@ _MIN_CLEARANCE_SHARE = 0.05
 # Minimum number of legs that are measured at once, because a call costs as much as some dozens.
 _MIN_BATCH = 60
 # Legs measured at once, as a share of those that are not measured yet.
-_BATCH_SHARE = 0.15
+_BATCH_SHARE = 0.05
 
 # Maximum number of parts into which a leg is split when its drawn curve leaves the corridor.
 _MAX_PARTS = 64

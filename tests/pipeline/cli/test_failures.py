@@ -192,11 +192,9 @@ def test_an_unforeseen_error_is_a_line_of_json(quick: str, monkeypatch: pytest.M
 
 
 def test_a_pipe_that_is_closed_is_no_error() -> None:
-    with (
-        subprocess.Popen(
-            renew("list"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
-        ) as process,
-    ):
+    with subprocess.Popen(
+        renew("list"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+    ) as process:
         assert process.stdout is not None
         process.stdout.close()
         assert process.stderr is not None

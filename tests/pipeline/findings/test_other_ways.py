@@ -13,15 +13,7 @@ import renew
 from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.text import distance, planner_text
 from pipeline.findings.way_names import way_names
-from pipeline.model import (
-    Case,
-    CaseResult,
-    CurrentGrid,
-    Fetched,
-    Land,
-    Measures,
-    ShutStrait,
-)
+from pipeline.model import Case, CaseResult, CurrentGrid, Fetched, Land, Measures, ShutStrait
 from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
@@ -194,13 +186,7 @@ def planned_around(island: shapely.Polygon, speed: float) -> tuple[list[renew.Ro
         chart, case.current, case.vessel, case.start, case.goal, classes=4, padding="none"
     )
     rows = tuple(
-        replace(
-            rows_of(like)[0],
-            rank=rank,
-            homotopy=route.homotopy,
-            fuel=route.fuel,
-            passages=(),
-        )
+        replace(rows_of(like)[0], rank=rank, homotopy=route.homotopy, fuel=route.fuel, passages=())
         for rank, route in enumerate(plan.routes, start=1)
     )
     result = CaseResult("gyre", plan, "", 0.0, measures=Measures(rows))

@@ -11,12 +11,7 @@ import shapely
 
 import renew
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import (
-    RunResult,
-    continued,
-    crossing_notes,
-    route_unknowns,
-)
+from pipeline.findings.result import RunResult, continued, crossing_notes, route_unknowns
 from pipeline.geo.projection import DepthCover, Projection
 from pipeline.model import Passage, RouteMetrics, ShoreCrossing, ShutStrait, Water
 from pipeline.model.inputs import Note

@@ -133,9 +133,7 @@ def test_the_figures_end_at_the_routes_own(planar: bool) -> None:
 
 
 @examples(8, 20)
-@given(
-    st.lists(st.tuples(st.floats(0.05, 0.95), st.floats(0.05, 0.95)), min_size=2, max_size=6),
-)
+@given(st.lists(st.tuples(st.floats(0.05, 0.95), st.floats(0.05, 0.95)), min_size=2, max_size=6))
 @example([(0.5, 0.5), (0.375, 0.5)])  # all of it on one island
 def test_any_path_over_water_and_land(shares: list[tuple[float, float]]) -> None:
     result = small_run.parts()
@@ -336,7 +334,7 @@ def times_in_files(result: RunResult, season: str, folder: Path) -> dict[str, li
     }
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 def test_no_file_asks_for_more_than_the_vessel_can_sail(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.results[0].name
     points = case_waypoints(any_run.case(season))[0]

@@ -54,7 +54,7 @@ WIDTHS = st.lists(st.floats(20.0, 90.0), min_size=3, max_size=3)
     widths=st.lists(WIDTHS, min_size=2, max_size=2),
     via=st.sampled_from([np.empty((0, 2)), np.array([[2e3, 4e3]])]),
 )
-@settings(max_examples=6)
+@settings(max_examples=3)
 def test_ways_through_gates_save_what_their_lengths_say(
     heights: list[list[int]], widths: list[list[float]], via: np.ndarray
 ) -> None:

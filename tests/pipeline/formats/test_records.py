@@ -12,10 +12,7 @@ import pytest
 import shapely
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.records import (
-    manifest,
-    write_manifest,
-)
+from pipeline.formats.records import manifest, write_manifest
 from pipeline.model import ShutStrait
 from tests.commands import ended
 from tests.pipeline.formats import small_run
@@ -29,10 +26,7 @@ def test_the_manifest_accounts_for_inputs_and_outputs(result: RunResult, tmp_pat
     content = json.loads(text, parse_constant=lambda name: f"not JSON: {name}")
     assert "not JSON" not in text
     assert content["outputs"] == {
-        "something.bin": {
-            "bytes": 3000,
-            "sha256": hashlib.sha256(b"abc" * 1000).hexdigest(),
-        }
+        "something.bin": {"bytes": 3000, "sha256": hashlib.sha256(b"abc" * 1000).hexdigest()}
     }
     assert content["scenario_as_run"]["name"] == "small-run"
     assert content["created_utc"] == "2026-01-02T03:04:05+00:00"

@@ -12,12 +12,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.findings.choices import (
-    SpeedTradeOff,
-    speed_notes,
-    trade_off,
-    trade_off_text,
-)
+from pipeline.findings.choices import SpeedTradeOff, speed_notes, trade_off, trade_off_text
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.figures.plots import trade_off_figure

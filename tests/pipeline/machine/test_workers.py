@@ -14,13 +14,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError, StageError
-from pipeline.machine.workers import (
-    LocalWorkers,
-    Worker,
-    WorkerEndedError,
-    call_in_process,
-    tell,
-)
+from pipeline.machine.workers import LocalWorkers, Worker, WorkerEndedError, call_in_process, tell
 from tests.pipeline.processes import ends_within, wait_until
 
 # Starts a child, as a worker may, and sleeps.

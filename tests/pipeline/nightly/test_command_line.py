@@ -39,10 +39,7 @@ def faults(result: Result) -> list[str]:
             'scenario = "palawan-sesaon"',
             "night.toml, line 3: cases[0].scenario: no scenario 'palawan-sesaon' (no such file or",
         ),
-        (
-            f'scenario = "{"x" * 5000}"',
-            "night.toml, line 3: cases[0].scenario: scenario: /",
-        ),
+        (f'scenario = "{"x" * 5000}"', "night.toml, line 3: cases[0].scenario: scenario: /"),
         (
             'scenario = "single-gyre"\nvessels = ["usv-9m"]',
             "night.toml, line 4: cases[0].vessels: unknown vessel 'usv-9m': did you mean 'usv-7m'?",
@@ -67,10 +64,7 @@ def faults(result: Result) -> list[str]:
             'scenario = "single-gyre"\nmembers = "*.nc"',
             "night.toml, line 4: cases[0].members: needs a chart; a plane has none",
         ),
-        (
-            'scenario = "single-gyre"\npairs = "none.csv"',
-            "night.toml, line 4: cases[0].pairs: ",
-        ),
+        ('scenario = "single-gyre"\npairs = "none.csv"', "night.toml, line 4: cases[0].pairs: "),
         (
             'scenario = "single-gyre"\n[[cases]]\nscenario = "single-gyre"',
             "night.toml, line 5: cases[1].scenario = 'single-gyre': asks for cases of cases[0] aga",

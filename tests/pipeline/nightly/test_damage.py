@@ -102,6 +102,7 @@ def _check_next_night(nights: Nights, damaged: tuple[str, ...]) -> None:
         assert any(note.startswith(f"2026-11-20T00Z/{name} ") for note in nights.notes())
 
 
+@pytest.mark.slow
 def test_damaged_results_of_yesterday_are_noted_and_the_night_before_is_compared(
     nights: Nights,
 ) -> None:

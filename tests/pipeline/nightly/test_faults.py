@@ -23,12 +23,7 @@ from pipeline.nightly.night import run_night
 from pipeline.nightly.planning import Preparation
 from pipeline.nightly.worker import CurrentTask
 from tests.commands import ended
-from tests.pipeline.nightly.killed_nights import (
-    cases_done,
-    night,
-    run_to_the_end,
-    workers_of,
-)
+from tests.pipeline.nightly.killed_nights import cases_done, night, run_to_the_end, workers_of
 from tests.pipeline.nightly.nights import (
     contents,
     plane_night,

@@ -46,7 +46,7 @@ def _run(file: Path, cluster: str) -> NightOutcome:
     return run_night(load_config(file, file.parent / "out"), scheduler=cluster)
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 def test_a_departure_into_waves_fails_and_a_later_one_is_planned(
     tmp_path: Path, cluster: str
 ) -> None:

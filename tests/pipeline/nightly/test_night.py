@@ -9,6 +9,7 @@ import sqlite3
 from contextlib import closing
 from datetime import timedelta
 from pathlib import Path
+from typing import TypeAlias
 
 import geopandas
 import pyarrow as pa
@@ -19,10 +20,10 @@ import shapely
 import renew
 from pipeline.errors import RequestError, StageError
 from pipeline.findings.choices import ENSEMBLE_FIGURES, ensemble_figures, side_shares
-from pipeline.nightly.config import load_config
+from pipeline.nightly.config import NightConfig, load_config
 from pipeline.nightly.currents import ComeAgainError
 from pipeline.nightly.cycles import Partial, Row, rows_of_parts
-from pipeline.nightly.night import run_night
+from pipeline.nightly.night import NightOutcome, run_night
 from pipeline.nightly.publishing import check_files
 from pipeline.nightly.records import case_lines, earlier_routes, status_lines
 from pipeline.scenario.loading import load_scenario
@@ -36,37 +37,40 @@ from tests.pipeline.nightly.nights import (
 )
 from tests.pipeline.results import result_of
 
+Ended: TypeAlias = tuple[NightConfig, NightOutcome]
+
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory, cluster: str) -> Path:
-    """Give the output of a night that has ended, to be read only."""
+def ended(
+    tmp_path_factory: pytest.TempPathFactory, cluster: str
+) -> tuple[NightConfig, NightOutcome]:
+    """Give a night that has ended."""
     folder = tmp_path_factory.mktemp("finished")
-    run_night(load_config(plane_night(folder, workers=1), folder / "out"), scheduler=cluster)
-    return folder / "out"
+    config = load_config(plane_night(folder, workers=1), folder / "out")
+    return config, run_night(config, scheduler=cluster)
+
+
+@pytest.fixture
+def finished(ended: Ended) -> Path:
+    """Give its output, to be read only."""
+    return ended[0].output
 
 
 def test_a_first_night_is_whole_and_a_second_run_touches_nothing(
-    tmp_path: Path, cluster: str
+    ended: Ended, finished: Path, cluster: str
 ) -> None:
-    config = load_config(plane_night(tmp_path), tmp_path / "out")
-    outcome = run_night(config, scheduler=cluster)
+    config, outcome = ended
     assert (outcome.exit_code, outcome.reference_time, outcome.fresh) == (0, None, True)
     assert outcome.cases_by_outcome == {"same": 6, "look": 0, "act": 0}
     assert set(outcome.seconds_by_stage) == {"look", "prepare", "plan", "publish", "check"}
 
-    latest = tmp_path / "out" / "latest"
-    assert {path.name for path in latest.iterdir()} == {
-        "cases.parquet",
-        "changes.csv",
-        "history.parquet",
-        "index.html",
-        "night.json",
-        "routes.gpkg",
-        "routes.parquet",
-    }
+    latest = finished / "latest"
+    tables = {f"{name}.parquet" for name in ("cases", "history", "routes")}
+    others = {"changes.csv", "index.html", "night.json", "routes.gpkg"}
+    assert {path.name for path in latest.iterdir()} == tables | others
     assert (latest / "changes.csv").read_text().count("\n") == 1
     assert "<h1>All 6 cases planned</h1>" in (latest / "index.html").read_text()
-    table = rows(tmp_path / "out")
+    table = rows(finished)
     assert [row["case"] for row in table] == [f"quick/still/p{i:04}" for i in range(6)]
     assert {row["status"] for row in table} == {"planned"}
     routes = geopandas.read_parquet(latest / "routes.parquet")
@@ -74,11 +78,11 @@ def test_a_first_night_is_whole_and_a_second_run_touches_nothing(
     layer = geopandas.read_file(latest / "routes.gpkg")
     assert set(layer[layer["rank"] == 1]["case"]) == {row["case"] for row in table}
 
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*")}
+    before = {path: path.stat().st_mtime_ns for path in finished.rglob("*")}
     again = run_night(config, scheduler=cluster)
     assert (again.exit_code, again.fresh, again.cycle) == (0, False, outcome.cycle)
     assert "nothing to do" in again.message
-    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*")} == before
+    assert {path: path.stat().st_mtime_ns for path in finished.rglob("*")} == before
 
 
 def test_a_second_night_sails_the_first_ones_routes_again(

@@ -16,8 +16,7 @@ SECRET = "0f5c3a1e-secret"  # noqa: S105 - a test's
 
 
 @pytest.mark.parametrize(
-    ("what", "path"),
-    [("start", "/ID/start"), ("success", "/ID"), ("failure", "/ID/fail")],
+    ("what", "path"), [("start", "/ID/start"), ("success", "/ID"), ("failure", "/ID/fail")]
 )
 def test_each_event_has_its_address(service: Service, what: Ping, path: str) -> None:
     assert ping(f"{service.url}/ID", what) == ""

@@ -109,6 +109,7 @@ def test_what_is_cleared_before_the_answer_comes_stays_cleared(
     expect(page.locator(".card")).to_have_count(0)
 
 
+@pytest.mark.slow
 def test_a_line_and_its_card_are_one(open_page: Open, planned: dict[str, Any]) -> None:
     page = shown(open_page, planned)
     first, second = page.locator(".card").all()

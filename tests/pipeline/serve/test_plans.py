@@ -71,6 +71,7 @@ def test_a_plan_tells_its_sides_and_why(server: Server, planned: dict[str, Any])
     assert server.state(planned["id"])["request"] == planned["request"]
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_the_command_line_gives_the_same_routes_byte_for_byte(
     server: Server, planned: dict[str, Any], tmp_path: Path
 ) -> None:

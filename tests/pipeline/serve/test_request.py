@@ -12,6 +12,7 @@ from pipeline.cli.main import app
 from pipeline.serve.plans import GivenFiles, PlanRequest, command_line
 
 _TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
+_COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 
 
 @given(start=_TEXT, goal=_TEXT, speed=_TEXT, via=st.lists(_TEXT, max_size=3))
@@ -21,8 +22,7 @@ def test_the_command_line_says_what_was_asked(
     asked = PlanRequest.model_validate({"start": start, "goal": goal, "speed": speed, "via": via})
     options = asked.options(GivenFiles(Path("unused")))
     program, name, *words = shlex.split(command_line(options, "a", Path("out"), offline=True))
-    command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
-    context = command.make_context(program, words, resilient_parsing=True)
+    context = _COMMANDS[name].make_context(program, words, resilient_parsing=True)
     read = context.params
     assert list(read["positions"]) == [start, goal]
     assert (read["speed"] or "") == speed.strip()  # as every text is

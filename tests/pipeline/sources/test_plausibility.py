@@ -190,12 +190,7 @@ def real_fields(folder: Path) -> Iterator[tuple[str, Field]]:
     """Yield real fields, each as a whole, longitudes ascending."""
     for name, file, axis, steps in (
         ("OCM 1/10°", "cwb_ocm_M-B0071-000_20200617T00.nc", "time", [0]),
-        (
-            "GLO12 1°",
-            "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc",
-            "time",
-            [0],
-        ),
+        ("GLO12 1°", "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc", "time", [0]),
         ("DUACS 1/4°", "duacs_nrt_global_allsat_phy_l4_20190223_20190226.nc", "time", [0]),
         ("OSCAR 1/3°", "oscar_climatology_1992-2012_monthly_third_deg.nc", "month", [6]),
     ):
@@ -465,10 +460,7 @@ def test_the_embedded_table_says_where_it_has_no_data() -> None:
 
 @pytest.mark.parametrize(
     ("change", "is_noted"),
-    [
-        (lambda field: field, False),
-        (lambda field: with_hole(field, 118.0, 9.75, 7), True),
-    ],
+    [(lambda field: field, False), (lambda field: with_hole(field, 118.0, 9.75, 7), True)],
 )
 def test_a_download_with_a_hole_at_a_coast_is_noted(
     tmp_path: Path, change: Callable[[Field], Field], *, is_noted: bool

@@ -150,11 +150,7 @@ def test_a_gauge_that_is_too_high_for_water_beside_it_is_told(tmp_path: Path) ->
     assert west.heights(np.zeros(1)) == 0.0
     # The tide of the west as constants: S2's phase at midnight is 0, and M2's is not needed.
     gauge = Station(
-        "West pier",
-        {"M2": renew.Constant(1.3, _phase())},
-        (LON[0], LAT[5]),
-        "MLLW",
-        1.5,
+        "West pier", {"M2": renew.Constant(1.3, _phase())}, (LON[0], LAT[5]), "MLLW", 1.5
     )
     texts = note_texts(level_notes((*stations_of(spec), gauge), 0.3))
     assert "from 2026-11-22 00:00 UTC until 2026-11-24 00:00 UTC" in texts[0]

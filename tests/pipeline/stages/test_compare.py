@@ -178,7 +178,7 @@ def test_the_hours_when_a_class_is_shut_are_reported_as_dates(leaves: float, beg
     def with_a_way_round(points: np.ndarray, times: np.ndarray) -> np.ndarray:
         return tide_of_the_strait(points, times) * (points[..., 1:] > 10)
 
-    current = renew.VaryingCurrent(np.arange(0.0, 1201.0, 2.0), with_a_way_round)
+    current = renew.VaryingCurrent(np.arange(0.0, 1201.0, 4.0), with_a_way_round)
     departure = datetime(2026, 11, 22, 6, tzinfo=UTC)
     plain = small_run.parts(planar=True).planned["gyre"]
     case = replace(plain, name="tide", current=current, departure=departure)

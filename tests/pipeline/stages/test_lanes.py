@@ -34,11 +34,7 @@ def case(
             "schema_version": 1,
             "name": "lanes",
             "title": "Lanes",
-            "vessel": {
-                "speed_m_s": 6.0,
-                "turn_rate_deg_s": 1.5,
-                "length_m": length_m,
-            },
+            "vessel": {"speed_m_s": 6.0, "turn_rate_deg_s": 1.5, "length_m": length_m},
             "start": list(start),
             "goal": list(goal),
             "plane": {

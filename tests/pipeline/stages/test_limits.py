@@ -75,7 +75,7 @@ def found(folder: Path, limits: dict[str, Any] | None, **asked: object) -> RunRe
 
 def window(file: str = "waves.nc", wave_m: float = 1.2) -> dict[str, Any]:
     """Limits, and a season that leaves within some hours."""
-    departures = {"first": DEPARTURE, "every": "1h", "count": 8}
+    departures = {"first": DEPARTURE, "every": "1h", "count": 5}
     season = {"name": "still", "currents": ["still"], "departures": departures}
     return {"limits": {"waves": [file], "wave_m": wave_m}, "seasons": [season]}
 
@@ -85,7 +85,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     """Run with waves over the limit, and departures before and after they fall."""
     folder = tmp_path_factory.mktemp("waves")
     waves(worst=2.125).to_netcdf(folder / "waves.nc", engine="netcdf4")
-    with plain_pages():
+    with plain_pages("report.page.write_report"):
         return run(parse_scenario(scenario_data(folder, **window()), folder), folder / "outputs")
 
 
@@ -169,7 +169,7 @@ def test_with_members_the_share_that_exceeds_a_limit_is_told(tmp_path: Path) -> 
     """Waves that rise when half of the members' vessels have arrived."""
     waves(worst=1.0).to_netcdf(tmp_path / "waves.nc", engine="netcdf4")
     season = {"name": "still", "currents": ["still"], "departure": DEPARTURE}
-    seasons = [{**season, "members": {"spread": 0.3, "count": 8}}]
+    seasons = [{**season, "members": {"spread": 0.3, "count": 4}}]
     ranked = found(tmp_path, {"waves": ["waves.nc"], "wave_m": 1.2}, seasons=seasons).routes[0]
     assert ranked.metrics.members_over_limit_share == 0.0
     case, (field,) = ranked.case.case, ranked.case.case.weather

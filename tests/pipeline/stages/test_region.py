@@ -179,8 +179,7 @@ def test_a_season_without_currents_does_not_stop_the_others(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    "about",
-    [{"current_variables": ["speed_x", "speed_y"]}, {"members": {"along": "realization"}}],
+    "about", [{"current_variables": ["speed_x", "speed_y"]}, {"members": {"along": "realization"}}]
 )
 def test_currents_are_looked_at_as_a_season_says(tmp_path: Path, about: dict[str, Any]) -> None:
     field = sea(np.arange(131.0, 135.1, 0.25), np.arange(16.0, 19.1, 0.25))

@@ -17,11 +17,7 @@ from pipeline.findings.note_words import note_text, note_texts
 from pipeline.geo.projection import Projection
 from pipeline.model import Land, SimplifiedLand
 from pipeline.sources.land.osm import OsmLand
-from pipeline.stages.simplify import (
-    check,
-    chosen_tolerance_m,
-    simplify_land,
-)
+from pipeline.stages.simplify import check, chosen_tolerance_m, simplify_land
 from tests.pipeline.archipelagos import EXAMPLES, EXTENT, PLANE, REGION, archipelagos, blob
 from tests.true_scale import GEOD
 
@@ -40,10 +36,7 @@ def _valid(land: Sequence[shapely.Polygon]) -> Geometries:
 
 
 def _run(land: Sequence[shapely.Polygon], **changes: object) -> SimplifiedLand:
-    options: dict[str, object] = {
-        "margin_m": 60.0,
-        "tolerance_m": 400.0,
-    }
+    options: dict[str, object] = {"margin_m": 60.0, "tolerance_m": 400.0}
     return simplify_land(land, REGION, **(options | changes))  # type: ignore[arg-type]
 
 

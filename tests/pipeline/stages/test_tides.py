@@ -198,10 +198,7 @@ def test_with_official_levels_the_water_at_each_place_and_hour_counts(tmp_path: 
 @pytest.mark.parametrize(
     ("asked", "text"),
     [
-        (
-            {"chart": {"datum": ""}},
-            "if the depths are from there, too, set chart.datum = 'MLLW'",
-        ),
+        ({"chart": {"datum": ""}}, "if the depths are from there, too, set chart.datum = 'MLLW'"),
         (
             {"chart": {"datum": "MSL"}},
             "(MSL is 1.59 m above it); give a station's TOML file with datum = 'MSL'",

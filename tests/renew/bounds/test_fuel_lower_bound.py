@@ -143,8 +143,7 @@ def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift
 
 @given(st.tuples(*[st.integers(-2000, 2000).map(lambda n: n / 1000)] * 4), st.booleans())
 def test_the_rate_is_the_largest_over_the_circle(
-    vectors: tuple[float, float, float, float],
-    compiled: bool,
+    vectors: tuple[float, float, float, float], compiled: bool
 ) -> None:
     px, py, cx, cy = vectors
     rate = projected_rate if compiled else uncompiled(projected_rate)

@@ -26,11 +26,7 @@ CELLS = Resolution(900, 2)
 
 def roadmap_of(voyage: Voyage, clearance: float = 0.0, resolution: Resolution = CELLS) -> Roadmap:
     return roadmap(
-        voyage,
-        triangulate(voyage.chart),
-        voyage.table,
-        clearance=clearance,
-        resolution=resolution,
+        voyage, triangulate(voyage.chart), voyage.table, clearance=clearance, resolution=resolution
     )
 
 

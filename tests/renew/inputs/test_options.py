@@ -91,10 +91,7 @@ def test_options_as_an_object_and_by_name_give_one_plan() -> None:
     ],
 )
 def test_bad_endpoints_are_refused(
-    start: tuple[float, float],
-    goal: tuple[float, float],
-    error: type[Exception],
-    message: str,
+    start: tuple[float, float], goal: tuple[float, float], error: type[Exception], message: str
 ) -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
     with pytest.raises(error, match=message):
@@ -164,10 +161,7 @@ def test_a_current_that_changes_faster_than_the_vessel_can_turn_is_refused() -> 
         (lambda: ANY.Chart(box(0, 0, 1, 1), [None]), r"no_go\[0\] must be a Polygon, not None"),
         (lambda: ANY.fuel([[0, 0], [math.inf, 1]], GYRE, PAPER_VESSEL), "path has points that"),
         (lambda: ANY.fuel([[0, 0], [1, 1]], GYRE, None), "vessel = None must be"),
-        (
-            lambda: ANY.fuel([[0, 0], [1, 1]], GYRE, PAPER_VESSEL, departure="0"),
-            "departure = '0'",
-        ),
+        (lambda: ANY.fuel([[0, 0], [1, 1]], GYRE, PAPER_VESSEL, departure="0"), "departure = '0'"),
         (lambda: ANY.contingency(None, CHART, GYRE, PAPER_VESSEL), "path = None must be"),
         (lambda: ANY.tightest(None, GYRE, PAPER_VESSEL), r"route = None must be a renew\.Route"),
     ],

@@ -46,19 +46,7 @@ def test_no_optimizer_finds_cheaper_speeds(seed: int, legs: np.ndarray) -> None:
     scale = np.sqrt(np.bincount(legs) / 40)
     low, high = 0.6 * scale, 3.0 * scale
     costs = CostModel(turning_tide(seed), 3.0, IS_CRAB, FuelLaw(2.0 + seed % 2), 2.0, math.inf, 1.0)
-    problem = SpeedProblem(
-        path,
-        legs,
-        scale,
-        low,
-        high,
-        3.0,
-        costs,
-        deadline,
-        price,
-        1.0,
-        100.0,
-    )
+    problem = SpeedProblem(path, legs, scale, low, high, 3.0, costs, deadline, price, 1.0, 100.0)
     begun = 1.2 * scale
 
     def cost(scaled: FloatArray) -> tuple[float, FloatArray]:

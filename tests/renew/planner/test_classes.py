@@ -193,10 +193,15 @@ def test_less_padding_never_shuts_a_side_of_palawan(tmp_path: Path) -> None:
     assert fuels == sorted(fuels, reverse=True)
 
 
-def test_a_reason_that_classes_share_is_given_once() -> None:
+def test_a_reason_is_given_once_and_remedies_tried_in_the_ways_refused_on_their_roadmaps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    built = Mock(wraps=roadmap.roadmap)
+    monkeypatch.setattr(class_enumerator, "roadmap", built)
     islands = [*BLOCKED, box(20, 20, 30, 30), box(60, 20, 70, 30), box(60, 70, 70, 80)]
-    with pytest.raises(renew.UnreachableError) as caught:
+    with pytest.raises(renew.UnreachableError, match="would leave one") as caught:
         renew.plan(chart_of(islands), STILL, PAPER_VESSEL, START, GOAL, classes=8)
+    assert built.call_count <= 4
     text = str(caught.value)
     assert text.count("the gap is 6.00 m wide") == 1
     named = re.match(
@@ -213,16 +218,6 @@ def test_names_of_classes_among_hundreds_of_islands_are_shortened() -> None:
     with pytest.raises(renew.UnreachableError) as caught:
         renew.plan(chart_of(islands), STILL, PAPER_VESSEL, (18, 50), (82, 50), classes=2)
     assert len(str(caught.value)) < 2000
-
-
-def test_remedies_are_tried_in_the_ways_that_were_refused_without_another_roadmap(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    built = Mock(wraps=roadmap.roadmap)
-    monkeypatch.setattr(class_enumerator, "roadmap", built)
-    with pytest.raises(renew.UnreachableError, match="would leave one"):
-        renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
-    assert built.call_count <= 4
 
 
 CHART = renew.Chart(box(0, 0, 100, 100), [Point(20, 20).buffer(4), Point(80, 80).buffer(1)])

@@ -65,10 +65,7 @@ def test_turns_agree_with_an_adaptive_integrator() -> None:
         wall = box(0, north + distance, SIZE, north + distance + 5)
         chart = renew.Chart(box(0, 0, SIZE, SIZE), [wall])
         report = renew.contingency(
-            SimpleNamespace(path=path[[0, 0]] + [[0, 0], [1e-6, 0]]),
-            chart,
-            current,
-            PAPER_VESSEL,
+            SimpleNamespace(path=path[[0, 0]] + [[0, 0], [1e-6, 0]]), chart, current, PAPER_VESSEL
         )
         # Perturbed turns may reach the wall as well; the one in the field itself must, or must not.
         assert report.trials == 2 * 5 * 2

@@ -148,10 +148,7 @@ def shares_that_touch(
         for side in (1.0, -1.0):
             turned = begin[:, None] + side * w * time
             circle = np.stack(
-                [
-                    np.sin(turned) - np.sin(begin)[:, None],
-                    np.cos(begin)[:, None] - np.cos(turned),
-                ],
+                [np.sin(turned) - np.sin(begin)[:, None], np.cos(begin)[:, None] - np.cos(turned)],
                 axis=-1,
             )
             track = point + side * v / w * circle + drift[:, None] * time[:, None]

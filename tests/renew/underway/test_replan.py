@@ -44,6 +44,7 @@ def jet(north: float, south: float) -> renew.GriddedCurrent:
     return renew.GriddedCurrent(x, y, u, np.zeros_like(u))
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_at_the_place_and_time_planned_it_is_the_same_way_ahead(seed: int) -> None:
     scene = random_scene(seed)
@@ -242,14 +243,12 @@ def test_inside_v_it_leaves_by_about_the_nearest_way(depth: float) -> None:
     assert found.best.starts_in_soft_no_go
 
 
-@pytest.mark.gate_share(5)
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("heading", [None, 0.0, 2.5])
 @pytest.mark.parametrize("across", [0.0, 0.35])
 @pytest.mark.parametrize("drift", ["projected", "crab"])
 def test_its_fuel_is_that_of_its_own_path(
-    drift: Drift,
-    across: float,
-    heading: float | None,
+    drift: Drift, across: float, heading: float | None
 ) -> None:
     chart = renew.Chart(box(0, 0, 200, 60), [box(40, 0, 160, 20)])
     steady = renew.UniformCurrent(0.1, across)

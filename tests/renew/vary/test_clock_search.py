@@ -125,7 +125,7 @@ def test_the_trade_off_is_what_other_deadlines_come_to() -> None:
     assert free.fuel_bound.value <= free.fuel
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 def test_two_equal_slices_give_the_steady_plan(
     exponent: float, monkeypatch: pytest.MonkeyPatch

@@ -123,9 +123,7 @@ def test_departures_in_a_current_that_does_not_change_need_no_plans_between() ->
 
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("padding", ["none", "adaptive"])
-def test_departures_are_planned_as_single_plans_and_in_order_of_arrival(
-    padding: Padding,
-) -> None:
+def test_departures_are_planned_as_single_plans_and_in_order_of_arrival(padding: Padding) -> None:
     scene = moving_scene(7)
     given = np.linspace(0.0, 300.0, 4)
     found = scene.plan_departures(given, padding=padding)

@@ -82,6 +82,7 @@ def test_against_a_current_with_time_free(exponent: float) -> None:
     assert best.speeds == pytest.approx(exponent * 0.4 / (exponent - 1), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
     scene = random_scene(3)
     constant = scene.plan(classes=4)

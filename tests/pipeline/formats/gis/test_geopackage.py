@@ -23,13 +23,7 @@ from pipeline.formats.records import manifest
 from pipeline.model import RouteMetrics, ShoreCrossing, Zone
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
-from tests.pipeline.formats.gis.tables import (
-    LAYERS,
-    ROUTE_COLUMNS,
-    layer,
-    query,
-    without_routes,
-)
+from tests.pipeline.formats.gis.tables import LAYERS, ROUTE_COLUMNS, layer, query, without_routes
 from tests.pipeline.results import rows_of, with_measures, with_rows
 from tests.true_scale import GEOD
 from tests.validators import geopackage_faults
@@ -245,10 +239,7 @@ def test_contingency_points_are_the_trials(package: Path, result: RunResult) -> 
 def test_land_of_another_shoreline_is_a_layer_with_its_lengths(
     result: RunResult, tmp_path: Path
 ) -> None:
-    summer, winter = (
-        ShoreCrossing(1, 119.4, 9.4, 2461.0),
-        ShoreCrossing(2, 119.5, 9.5, 30.0),
-    )
+    summer, winter = (ShoreCrossing(1, 119.4, 9.4, 2461.0), ShoreCrossing(2, 119.5, 9.5, 30.0))
     path = tmp_path / "routes.gpkg"
     crossed = with_measures(result, "summer", shore_crossings=(summer,))
     write_geopackage(with_measures(crossed, "winter", shore_crossings=(winter,)), path)
@@ -425,7 +416,7 @@ def test_figures_that_do_not_exist_are_null(result: RunResult, tmp_path: Path) -
     assert found == [(None, None)]
 
 
-@pytest.mark.gate_share(2)
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     "case", ["as it is", "planar", "badly named", "without routes", "without land"]
 )

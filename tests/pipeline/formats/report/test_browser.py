@@ -6,7 +6,6 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import pytest
 from playwright.sync_api import Browser, Page
@@ -206,6 +205,7 @@ def test_routes_switch_and_are_selected(reader: Reader, file: Path) -> None:
     assert page.locator("[name=season]").nth(1).is_checked()
 
 
+@pytest.mark.slow
 def test_the_voyage_plays(reader: Reader, file: Path) -> None:
     page = reader.open(file, reduced_motion="no-preference")
     vessel = page.locator(".vessel")
@@ -306,13 +306,11 @@ def test_the_keyboard_reaches_every_control(reader: Reader, file: Path) -> None:
     assert {"season", "layer", "map", "fit", "play", "time", "shown", "select"} <= set(reached)
 
 
-def test_axe_finds_no_barriers(reader: Reader, file: Path) -> None:
-    page = reader.open(file)
-    looks: tuple[tuple[Literal["light", "dark"], int], ...] = (("light", 360), ("dark", 1280))
-    for scheme, width in looks:
-        page.emulate_media(color_scheme=scheme)
-        page.set_viewport_size({"width": width, "height": 800})
-        assert axe_faults(page) == [], (scheme, width)
+@pytest.mark.gate_share(1)
+@pytest.mark.parametrize(("scheme", "width"), [("light", 360), ("dark", 1280)])
+def test_axe_finds_no_barriers(reader: Reader, file: Path, scheme: str, width: int) -> None:
+    page = reader.open(file, width=width, height=800, color_scheme=scheme)
+    assert axe_faults(page) == []
 
 
 @pytest.mark.slow

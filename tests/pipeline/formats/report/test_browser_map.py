@@ -196,6 +196,7 @@ def geodesic_m(ends: npt.NDArray[np.float64]) -> float:
     return float(GEOD.inv(*ends[0], *ends[1])[2])
 
 
+@pytest.mark.slow
 def test_particles_drift_with_the_current(reader: Reader, file: Path) -> None:
     page = reader.open(file, reduced_motion="no-preference")
     first = pixels(page, "particles")

@@ -23,10 +23,7 @@ PARAMETERS: dict[str, dict[int, tuple[int, ...]]] = {
     "gust": {1: (180,), 2: (0, 2, 22)},
     "pp1d": {1: (108,), 2: (10, 0, 34)},
 }
-_KEYS = {
-    1: ("indicatorOfParameter",),
-    2: ("discipline", "parameterCategory", "parameterNumber"),
-}
+_KEYS = {1: ("indicatorOfParameter",), 2: ("discipline", "parameterCategory", "parameterNumber")}
 _MISSING = 9999.0
 
 

@@ -14,12 +14,7 @@ from hypothesis import given, strategies as st
 
 from pipeline.findings.note_words import note_text
 from pipeline.scenario.season import TimeMethod, period
-from pipeline.sources.cf.axes import (
-    TimeSteps,
-    merge_steps,
-    read_steps,
-    reference_time,
-)
+from pipeline.sources.cf.axes import TimeSteps, merge_steps, read_steps, reference_time
 from pipeline.sources.cf.fields import select_steps
 from pipeline.sources.cf.mesh import Axes
 from tests.pipeline.sources.cf.sample_files import LON, SEA, refusal
@@ -171,10 +166,7 @@ def test_a_period_without_steps_is_refused_with_the_steps_that_there_are() -> No
         select_steps(days("2024-01-03", 6, every=5), period("2024-01-05"), "mean")
 
 
-@given(
-    st.lists(st.integers(0, 5000), min_size=2, max_size=30, unique=True),
-    st.integers(-50, 5050),
-)
+@given(st.lists(st.integers(0, 5000), min_size=2, max_size=30, unique=True), st.integers(-50, 5050))
 def test_nearest_selects_the_nearest_step_or_none_if_it_is_too_far(
     hours: list[int], hour: int
 ) -> None:

@@ -236,9 +236,7 @@ def planned(grid: CurrentGrid) -> renew.Plan:
     return renew.plan(chart, current, vessel, start, goal, padding="none", classes=1)
 
 
-def test_constants_fitted_to_two_months_give_the_streams_of_the_next_autumn(
-    tmp_path: Path,
-) -> None:
+def test_constants_fitted_to_two_months_give_the_streams_of_the_next_autumn(tmp_path: Path) -> None:
     """Both series are UTide's, whose arguments and nodal factors are others."""
     one, other = sea(LON, LAT, 3, 0.5), sea(LON, LAT, 4, 0.5)
 

@@ -210,10 +210,7 @@ def _zarr(path: Path, shape: tuple[int, int, int], rows: slice, columns: slice) 
     data.to_zarr(path, zarr_format=2, consolidated=False, compute=False)
     block = np.broadcast_to(step[:, None, None], (shape[0], 128, 256)).astype("f4")
     part = xr.Dataset(
-        {
-            "uo": (("time", "lat", "lon"), block / 100),
-            "vo": (("time", "lat", "lon"), -block / 50),
-        }
+        {"uo": (("time", "lat", "lon"), block / 100), "vo": (("time", "lat", "lon"), -block / 50)}
     )
     part.to_zarr(
         path,

@@ -250,10 +250,7 @@ ODD: dict[str, tuple[Callable[[xr.Dataset], list[bytes]], str]] = {
         "on 2 grids",
     ),
     "levels": (
-        lambda days: [
-            *messages(days),
-            *messages(days, typeOfLevel="heightAboveGround", level=10),
-        ],
+        lambda days: [*messages(days), *messages(days, typeOfLevel="heightAboveGround", level=10)],
         "2 levels, some of the kind heightAboveGround",
     ),
     "largest": (
@@ -265,10 +262,7 @@ ODD: dict[str, tuple[Callable[[xr.Dataset], list[bytes]], str]] = {
         "longitudes contradict each other",
     ),
     "grid": (lambda days: messages(days, 2, gridType="rotated_ll"), "of the kind rotated_ll"),
-    "nodes": (
-        lambda days: [_larger(one) for one in messages(days)],
-        "60,000 x 60,000 nodes",
-    ),
+    "nodes": (lambda days: [_larger(one) for one in messages(days)], "60,000 x 60,000 nodes"),
 }
 
 

@@ -15,12 +15,7 @@ from pipeline.findings.note_words import note_text
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
-from tests.pipeline.sources.cf.guessed_files import (
-    CASES,
-    DEPARTURE,
-    growth,
-    velocity,
-)
+from tests.pipeline.sources.cf.guessed_files import CASES, DEPARTURE, growth, velocity
 
 REGION = shapely.box(132.2, 16.8, 133.8, 18.2)
 NO_LAND = Land((), (), 0.0)

@@ -10,9 +10,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 import pytest
-import utide
 import xarray as xr
-from pyTMD.io import load_database
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
@@ -60,6 +58,8 @@ def test_the_month_after_is_predicted_to_a_tenth_of_the_noise(
 
 
 def test_the_fit_is_utide_s_with_the_same_constituents(tmp_path: Path) -> None:
+    import utide
+
     short = series(60)
     found = fit_files([str(written(short, tmp_path))])
     names = found["constituent"].values.tolist()
@@ -160,6 +160,8 @@ LON, LAT = np.arange(355.0, 360.0, 0.5), np.arange(48.0, 51.0, 0.5)
 
 def atlas_written(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
     """Write an atlas in the form of FES2014, cm/s and degrees; return the constants by name."""
+    from pyTMD.io import load_database
+
     found: dict[str, np.ndarray[Any, Any]] = {}
     x, y = np.meshgrid(LON, LAT)
     for part in "uv":

@@ -93,7 +93,7 @@ def form(kind: str, step: float, folder: Path) -> Path:
 KINDS = (*FORMS, "S-111 2 of 1.0", "S-111 2 of 2.0", "S-111 3 of 1.2")
 
 
-@pytest.mark.gate_share(3)
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_form_is_read_within_the_error_of_interpolation(tmp_path: Path, kind: str) -> None:
     errors = [largest_error(read(form(kind, step, tmp_path))) for step in (STEP, STEP / 2)]
@@ -194,6 +194,7 @@ FAULTS: dict[str, tuple[object, str, object, str]] = {
 }
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_is_seen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
@@ -467,10 +468,7 @@ def test_meshes_as_models_name_them(tmp_path: Path, make: Callable[[float], xr.D
 
 @pytest.mark.parametrize(
     ("make", "apart"),
-    [
-        (_schism, "mesh face_nodes node_x node_y"),
-        (staggered, "lon_u lat_u lon_v lat_v"),
-    ],
+    [(_schism, "mesh face_nodes node_x node_y"), (staggered, "lon_u lat_u lon_v lat_v")],
 )
 def test_a_grid_may_lie_in_a_file_of_its_own(
     tmp_path: Path, make: Callable[[float], xr.Dataset], apart: str

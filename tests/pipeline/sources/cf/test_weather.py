@@ -34,10 +34,7 @@ NAMES: dict[str, tuple[Quantity, dict[str, str]]] = {
     "wind": (WIND, {"u10": "eastward_wind", "v10": "northward_wind"}),
     "gust": (GUST, {"gust": "wind_speed_of_gust"}),
     "waves": (WAVES, {"swh": "sea_surface_wave_significant_height"}),
-    "period": (
-        PERIOD,
-        {"pp1d": "sea_surface_wave_period_at_variance_spectral_density_maximum"},
-    ),
+    "period": (PERIOD, {"pp1d": "sea_surface_wave_period_at_variance_spectral_density_maximum"}),
 }
 ROWS = pytest.mark.parametrize("row", NAMES)
 

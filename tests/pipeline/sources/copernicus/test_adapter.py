@@ -99,9 +99,7 @@ def test_without_any_usable_source_the_request_is_refused(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_the_client_without_network_gives_a_reason_and_leaves_nothing(
-    tmp_path: Path,
-) -> None:
+def test_the_client_without_network_gives_a_reason_and_leaves_nothing(tmp_path: Path) -> None:
     # No proxy answers on port 9 (discard), so nothing is reachable.
     offline = Copernicus(source().spec.model_copy(update={"deadline_s": 60.0, "attempts": 1}))
     with pytest.MonkeyPatch.context() as patch:

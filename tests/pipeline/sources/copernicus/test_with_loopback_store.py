@@ -445,10 +445,7 @@ def test_a_chunk_that_is_lacking_at_one_time_alone(tmp_path: Path) -> None:
     number = world.dataset(SIX_HOURLY).times.index(midnight(15) + 18 * HOUR)
     store.faults.append(Fault(f"*/uo/{number}.0.*", 404))
     store.faults.append(Fault(f"*/uo/{number // 64}.*", 404))
-    with (
-        connected(store, tmp_path / "home"),
-        pytest.raises(StageError, match="cells of water"),
-    ):
+    with connected(store, tmp_path / "home"), pytest.raises(StageError, match="cells of water"):
         fetched(SIX_HOURLY, 20, tmp_path)
     assert not list(tmp_path.glob("*.nc"))
 

@@ -394,11 +394,7 @@ def test_the_box_is_at_most_360_degrees_wide() -> None:
     assert north == 90
 
 
-@given(
-    lon=st.floats(-179, 179),
-    lat=st.floats(-80, 80),
-    radius=st.floats(5, 500),
-)
+@given(lon=st.floats(-179, 179), lat=st.floats(-80, 80), radius=st.floats(5, 500))
 def test_buffered_points_enclose_their_circle(lon: float, lat: float, radius: float) -> None:
     (area,) = buffered(np.array([shapely.Point(lon, lat)], dtype=object), radius)
     edge = shapely.get_coordinates(shapely.segmentize(area.exterior, radius / 2e6))

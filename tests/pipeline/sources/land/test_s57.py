@@ -92,8 +92,7 @@ def layer(base: Path, name: str, column: str) -> tuple[npt.NDArray[np.object_], 
 
 
 @pytest.mark.parametrize(
-    ("name", "depth_m"),
-    [("US5BOSCD", 2.0), pytest.param("US4MD81M", 3.0, marks=pytest.mark.slow)],
+    ("name", "depth_m"), [("US5BOSCD", 2.0), pytest.param("US4MD81M", 3.0, marks=pytest.mark.slow)]
 )
 def test_no_sounding_in_the_water_is_shallower_than_the_safety_depth(
     cells: Path, name: str, depth_m: float
@@ -328,11 +327,7 @@ def test_lines_in_the_water_are_no_go_and_those_on_its_edge_add_nothing() -> Non
     water = shapely.box(0, 0.002, 0.01, 0.01)
     shore = shapely.LineString([(0, 0.002), (0.004, 0.002), (0.01, 0.002)])
     quay = cell(
-        {
-            "DEPARE": objects(water, DRVAL1=5.0),
-            "LNDARE": objects(land),
-            "COALNE": objects(shore),
-        }
+        {"DEPARE": objects(water, DRVAL1=5.0), "LNDARE": objects(land), "COALNE": objects(shore)}
     )
     assert no_go(quay).equals(land)
 
