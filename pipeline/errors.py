@@ -134,6 +134,15 @@ class Faults:
             self.lines += [line] * (line not in self.lines)
 
 
+@contextlib.contextmanager
+def naming(place: str, kind: type[Exception] = RequestError) -> Iterator[None]:
+    """Turn a ValueError into an error of a kind that names the place, such as a file, first."""
+    try:
+        yield
+    except ValueError as error:
+        raise kind(f"{place}: {error}") from None
+
+
 class NoPlanError(RequestError):
     """No case could be planned as asked."""
 

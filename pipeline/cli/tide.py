@@ -9,7 +9,7 @@ import typer
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.errors import Faults, RequestError, StageError
+from pipeline.errors import Faults, RequestError, StageError, naming
 from pipeline.machine.paths import NOT_THERE, folder_to_write, shown, unreadable_reason
 
 if TYPE_CHECKING:
@@ -110,10 +110,8 @@ def _moment(option: str, text: str, *, at_end: bool) -> datetime:
     """Read a moment; of a day its beginning or its end."""
     from pipeline.scenario.season import period
 
-    try:
+    with naming(option):
         named = period(text)
-    except ValueError as error:
-        raise RequestError(f"{option}: {error}") from None
     return named.end if at_end else named.begin
 
 

@@ -10,7 +10,6 @@ positive up, in metres, and so is EMODnet's; a depth is positive down, unless it
 each node of a table counts.
 """
 
-import contextlib
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
@@ -25,7 +24,7 @@ from contourpy import FillType, contour_generator
 from scipy import ndimage
 
 from pipeline._types import BoolArray, FloatArray, Geometries
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, naming
 from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, DepthCover, KnownCells
 from pipeline.machine.paths import require_readable, shown
 from pipeline.machine.store import file_hash
@@ -117,7 +116,7 @@ class DepthFile:
         if it can't be read, or has no depths in metres on a lon/lat grid: one line.
         """
         require_readable([path], "chart.depths")
-        with _refused(path):
+        with naming(f"chart.depths: {path.name}"):
             if fatal := fatal_files([path]):
                 raise ValueError(fatal[path])
             with open_dataset(path) as dataset:
@@ -134,7 +133,7 @@ class DepthFile:
         if min(window.lon.size, window.lat.size) < 2:
             return None
         shape = (window.lat.size, window.lon.size)
-        with _refused(self.path):
+        with naming(f"chart.depths: {self.path.name}"):
             if math.prod(shape) > _MAX_CELLS:
                 raise ValueError(
                     f"it has {shape[0]:,} x {shape[1]:,} cells in the region, more than "
@@ -159,17 +158,9 @@ class DepthFile:
             values = own.isel(places).transpose(*mesh.dims).values
             return self.sign * np.asarray(values, dtype=float)
 
-        with _refused(self.path), open_dataset(self.path) as dataset, reading():
+        place = f"chart.depths: {self.path.name}"
+        with naming(place), open_dataset(self.path) as dataset, reading():
             return Heights(window.lon, window.lat, mesh.highest(window.lon, window.lat, read))
-
-
-@contextlib.contextmanager
-def _refused(path: Path) -> Iterator[None]:
-    """Turn a ValueError about a file into a RequestError that names the file."""
-    try:
-        yield
-    except ValueError as error:
-        raise RequestError(f"chart.depths: {path.name}: {error}") from None
 
 
 def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:

@@ -22,7 +22,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, naming
 from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
@@ -542,13 +542,10 @@ def _size_along(files: Sequence[Path], along: str) -> int:
     """Return the number of members along a dimension of the first file."""
     if fatal := fatal_files(files[:1]):
         raise RequestError(f"{files[0].name}: {fatal[files[0]]}")
-    try:
-        with open_dataset(files[0]) as dataset:
-            if along in dataset.sizes:
-                return int(dataset.sizes[along])
-            there = ", ".join(map(str, dataset.sizes))
-    except ValueError as error:
-        raise RequestError(f"{files[0].name}: {error}") from None
+    with naming(files[0].name), open_dataset(files[0]) as dataset:
+        if along in dataset.sizes:
+            return int(dataset.sizes[along])
+        there = ", ".join(map(str, dataset.sizes))
     raise RequestError(
         f"{files[0].name} has no dimension {along!r} for members.along; it has {there}"
     )

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, naming
 from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
@@ -425,11 +425,9 @@ def _contents(
                         faults.append(f"{file.name}: {error}")
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
-    try:
+    with naming(name_of(files)):
         contents = _combined(files, datasets, *components_of, notes)
         frame = _frame(pair, contents, datasets)
-    except ValueError as error:
-        raise RequestError(f"{name_of(files)}: {error}") from None
     told = tuple(_frame_notes(pair, frame, is_on_axes=isinstance(contents.grid, Axes)))
     return replace(contents, frame=frame, notes=(*contents.notes, *told))
 
@@ -621,7 +619,7 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
             f"{file.name}: its harmonic constants lack {', '.join(lacking)}; give u_re, u_im, v_re "
             "and v_im, as `renew tide fit` writes them"
         )
-    try:
+    with naming(file.name):
         components = {
             name: read_component(
                 file, dataset, name, along="" if name.endswith("mean") else _CONSTITUENT
@@ -630,8 +628,6 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
         }
         require_one_grid(list(components.values()))
         names = axes.coordinate_names(dataset, _CONSTITUENT)
-    except ValueError as error:
-        raise RequestError(f"{file.name}: {error}") from None
     count = {part: 1 if part == "mean" else len(names) for part in parts}
     u, v = (
         tuple((components[f"{name}_{part}"], step) for part in parts for step in range(count[part]))

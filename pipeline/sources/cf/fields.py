@@ -21,6 +21,7 @@ import numpy as np
 
 import renew
 from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline.errors import naming
 from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond, widened
 from pipeline.model import Note
 from pipeline.scenario.season import Period, Season, TimeMethod
@@ -506,13 +507,11 @@ class FieldReader:
         if component.time:
             is_range = list(steps) == list(range(steps[0], steps[-1] + 1))
             part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
-        try:
+        with naming(component.file.name, ValueError):
             variable = self._dataset(component).variables[component.name]
             with reading():
                 variable = variable.isel(component.fixed).isel(part)
                 values = self._table_of(component).read(variable, component.grid.dims)
-        except ValueError as error:
-            raise ValueError(f"{component.file.name}: {error}") from None
         spatial = values.shape[1:] if component.time else values.shape
         return np.asarray(component.unit * values.reshape(-1, *spatial))
 

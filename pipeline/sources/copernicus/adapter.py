@@ -24,7 +24,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
-from pipeline.errors import StageError
+from pipeline.errors import StageError, naming
 from pipeline.geo import projection
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import CurrentSource, Issue
@@ -293,11 +293,8 @@ def accept(
     `missing_boxes` hold the centres of the cells for which the service has no chunk, which should
     be land. Raises StageError if the file can't be read, or does not have the requested content.
     """
-    try:
-        with open_dataset(path) as dataset, reading():
-            faults, field = _read(dataset, asked)
-    except ValueError as error:
-        raise StageError(f"{path.name}: {error}") from None
+    with naming(path.name, StageError), open_dataset(path) as dataset, reading():
+        faults, field = _read(dataset, asked)
     notes: tuple[Note, ...] = ()
     if field is not None:
         mask = LandMask.of(land.polygons, asked.region.bounds)
