@@ -13,6 +13,7 @@ from typing import Annotated, Any, TypeVar, get_origin
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from pipeline.cli.failures import reported_errors
 from pipeline.errors import shortened
 from pipeline.texts import table_beside
 from pipeline.voyage.request import VoyageRequest
@@ -84,7 +85,10 @@ _ABOUT = table_beside(__file__, "options.toml")
 
 
 def command(app: typer.Typer, name: str) -> Callable[[_Command], _Command]:
-    """Make a function a command, whose last word is that of `name`, as `options.toml` describes."""
+    """Make a function a command, whose last word is that of `name`, as `options.toml` describes.
+
+    Its errors are lines on standard error and an exit code.
+    """
     group, _, _ = name.partition(" ")
     about = {**_ABOUT["all"], **_ABOUT.get(group, {})}
 
@@ -97,8 +101,9 @@ def command(app: typer.Typer, name: str) -> Callable[[_Command], _Command]:
             for one in signature.parameters.values()
         ]
         function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-        app.command(name.rpartition(" ")[2], cls=Command)(function)
-        return function
+        reported = reported_errors()(function)
+        app.command(name.rpartition(" ")[2], cls=Command)(reported)
+        return reported
 
     return decorated
 
