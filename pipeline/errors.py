@@ -105,6 +105,12 @@ class RequestError(PipelineError):
         return type(self), (self.faults,)
 
 
+def refuse_any(faults: Sequence[str]) -> None:
+    """Raise RequestError with the faults of a request, unless there are none."""
+    if faults:
+        raise RequestError(faults)
+
+
 class Faults:
     """The faults of all parts of a request, or of the work after a plan, reported together."""
 

@@ -6,7 +6,7 @@ import typer
 
 from pipeline.cli import options
 from pipeline.cli.terminal import still_at_work
-from pipeline.errors import RequestError
+from pipeline.errors import refuse_any
 
 app = typer.Typer(
     help="Plan all cases of a night on the newest currents, and publish what changed.",
@@ -26,8 +26,7 @@ def check(
 
         loaded = load_config(config, output)
         blocks = expand(loaded, only=only)
-        if faults := pairs_on_land(loaded, blocks):
-            raise RequestError(faults)
+        refuse_any(pairs_on_land(loaded, blocks))
         count = sum(block.size for block in blocks)
         sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in blocks)
         typer.echo(

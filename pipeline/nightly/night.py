@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.errors import RequestError, StageError
+from pipeline.errors import StageError, refuse_any
 from pipeline.machine.files import file_lock
 from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinished
 from pipeline.nightly import records
@@ -144,8 +144,7 @@ class _Night:
                 self._note(reason)
             if (settled := self._settled()) is not None:
                 return settled
-            if faults := pairs_on_land(self.config, self.blocks):
-                raise RequestError(faults)
+            refuse_any(pairs_on_land(self.config, self.blocks))
             self._note(f"{len(self.cases):,} cases on the currents of {self.newest.cycle}")
         with self._alone():
             if (settled := self._settled() or self._named()) is not None:

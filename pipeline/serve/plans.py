@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
-from pipeline.errors import Faults, PipelineError, RequestError
+from pipeline.errors import Faults, PipelineError, RequestError, refuse_any
 from pipeline.machine.files import write_whole, writing
 from pipeline.scenario import catalogue
 from pipeline.serve.worker import ServingWorker
@@ -213,8 +213,7 @@ class _DrawnAreas(BaseModel):
             given[option.key] = list(value) if option.most else value
         if self.route:
             given["route"] = faults.collect(lambda: str(files.path(str(self.route), "route")))
-        if faults.lines:
-            raise RequestError(faults.lines)
+        refuse_any(faults.lines)
         if self.areas:
             given["avoid"].append(str(files.keep(_geojson(self.areas), "areas.geojson")))
         return given

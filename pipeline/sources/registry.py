@@ -19,7 +19,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
-from pipeline.errors import Faults, RequestError, StageError
+from pipeline.errors import Faults, RequestError, StageError, refuse_any
 from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
@@ -192,8 +192,7 @@ def weather_grids(scenario: Scenario, season: Season) -> dict[str, CurrentGrid]:
             faults.lines.append(reason)
         elif (grid := faults.collect(read)) is not None:
             found[name] = grid
-    if faults.lines:
-        raise RequestError([f"limits: {fault}" for fault in dict.fromkeys(faults.lines)])
+    refuse_any([f"limits: {fault}" for fault in dict.fromkeys(faults.lines)])
     return found
 
 

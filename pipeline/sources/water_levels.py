@@ -19,7 +19,7 @@ import shapely
 
 import renew
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.errors import RequestError
+from pipeline.errors import refuse_any
 from pipeline.machine.paths import shown
 from pipeline.sources.cf.axes import merge_steps, read_steps, reference_time, time_axis
 from pipeline.sources.cf.dataset import fatal_files, open_dataset, reading
@@ -130,8 +130,7 @@ def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:
             zones += _zones(tile)
         except ValueError as error:
             faults.append(f"{_name(tile)}: {error}")
-    if faults:
-        raise RequestError([f"tide: {fault}" for fault in faults])
+    refuse_any([f"tide: {fault}" for fault in faults])
     return tuple(zones)
 
 

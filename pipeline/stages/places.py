@@ -15,7 +15,7 @@ import shapely
 import renew
 from pipeline import model
 from pipeline._types import Geometries
-from pipeline.errors import NoWayError, RequestError
+from pipeline.errors import NoWayError, RequestError, refuse_any
 from pipeline.findings.text import moment_text
 from pipeline.geo.projection import Projection
 from pipeline.scenario.catalogue import has_world_land
@@ -222,8 +222,7 @@ def avoided_zones(
         # How accurate a coast is does not matter here.
         notes += (note for note in land.notes if note.kind != "accuracy-assumed")
         zones.append(model.Zone("shut", Path(area.path).stem, hours_text(area), shape))
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return tuple(zones), tuple(notes)
 
 
@@ -498,8 +497,7 @@ def check_datum(chart: ChartSpec, land: model.Land, stations: Sequence[Station])
                 f"{station.datum}{_apart(station, datum)}; give a station's TOML file with datum = "
                 f"{datum!r}"
             )
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
 
 
 def _apart(station: Station, datum: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal, TypeVar
 
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, refuse_any
 from pipeline.machine.paths import folder_to_write
 from pipeline.texts import table_beside
 
@@ -156,8 +156,7 @@ def read(
             faults += [f"{place}{'' if line.startswith(':') else ' '}{line}" for line in lines]
     blank = {option.field: None for option in options(table)}
     faults += rules(SimpleNamespace(**blank | values), SimpleNamespace(**blank | asked), at)
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return table(**values)
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.errors import RequestError, naming
+from pipeline.errors import RequestError, naming, refuse_any
 from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
@@ -328,8 +328,7 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
                 remedy = f"; {_REMEDY}" if why == NOT_THERE else ""
                 faults += [f"{shown(match)} {why}{remedy}"]
         files += [Path(match) for match in matches]
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return tuple(files)
 
 
@@ -355,8 +354,7 @@ def read_contents(
                 datasets[file] = stack.enter_context(open_dataset(file, quantity))
             except ValueError as error:
                 faults.append(f"{file.name}: {error}")
-        if faults:
-            raise RequestError(faults)
+        refuse_any(faults)
         contents = _contents(files, datasets, index, asked, quantity)
         return replace(contents, quantity=quantity)
 
@@ -423,8 +421,7 @@ def _contents(
                         components.append(replace(component, beside=beside[file]))
                     except ValueError as error:
                         faults.append(f"{file.name}: {error}")
-    if faults:
-        raise RequestError(list(dict.fromkeys(faults)))
+    refuse_any(list(dict.fromkeys(faults)))
     with naming(name_of(files)):
         contents = _combined(files, datasets, *components_of, notes)
         frame = _frame(pair, contents, datasets)

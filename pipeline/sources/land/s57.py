@@ -26,7 +26,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray, Geometries
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, refuse_any
 from pipeline.geo.coast import cut_to
 from pipeline.geo.projection import DepthCover
 from pipeline.machine.paths import require_readable
@@ -223,8 +223,7 @@ def _check(base: Path, identification: Mapping[str, object]) -> None:
         ),
         "its scale is not above 0; fetch it again": int(str(identification["DSPM_CSCL"])) <= 0,
     }
-    if faults := [f"{base.name}: {fault}" for fault, is_one in said.items() if is_one]:
-        raise RequestError(faults)
+    refuse_any([f"{base.name}: {fault}" for fault, is_one in said.items() if is_one])
 
 
 def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int]:
