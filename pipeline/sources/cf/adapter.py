@@ -22,7 +22,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.errors import RequestError, naming
+from pipeline.errors import RequestError, naming, refuse_any
 from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
@@ -540,8 +540,7 @@ class CfMembers(CurrentSource):
 
 def _size_along(files: Sequence[Path], along: str) -> int:
     """Return the number of members along a dimension of the first file."""
-    if fatal := fatal_files(files[:1]):
-        raise RequestError(f"{files[0].name}: {fatal[files[0]]}")
+    refuse_any([f"{file.name}: {fault}" for file, fault in fatal_files(files[:1]).items()])
     with naming(files[0].name), open_dataset(files[0]) as dataset:
         if along in dataset.sizes:
             return int(dataset.sizes[along])

@@ -344,8 +344,7 @@ def read_contents(
     RequestError if they can't be read, or have no such field on a lon/lat grid: one line for each
     fault.
     """
-    if fatal := fatal_files(files):
-        raise RequestError([f"{file.name}: {fault}" for file, fault in fatal.items()])
+    refuse_any([f"{file.name}: {fault}" for file, fault in fatal_files(files).items()])
     datasets: dict[Path, xr.Dataset] = {}
     faults = []
     with contextlib.ExitStack() as stack:

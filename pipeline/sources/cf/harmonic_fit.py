@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, refuse_any
 from pipeline.sources.cf.axes import TimeSteps, label
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.fields import FieldReader, find_window
@@ -66,8 +66,7 @@ def fit_files(paths: Sequence[str]) -> "xr.Dataset":
     files = find_files(paths)
     contents = read_contents(files)
     try:
-        if faults := list(_series_faults(contents.steps)):
-            raise RequestError([f"{name_of(files)}: {fault}" for fault in faults])
+        refuse_any([f"{name_of(files)}: {fault}" for fault in _series_faults(contents.steps)])
         return _fitted(contents)
     except (renew.ParameterError, ValueError) as error:
         raise RequestError(f"{name_of(files)}: {error}") from None

@@ -556,8 +556,7 @@ def find_cells(path: Path) -> tuple[Path, ...]:
     if not bases:
         raise RequestError(f"{path} holds no S-57 cell (.000 file): name the folder of the cells")
     twice = [name for name, count in Counter(file.stem for file in bases).items() if count > 1]
-    if twice:
-        where = f"in {path}; keep the latest"
-        raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
+    where = f"in {path}; keep the latest"
+    refuse_any([f"cell {name} is there more than once {where}" for name in twice])
     require_readable((file for base in bases for file in cell_files(base)), "chart.source")
     return bases
