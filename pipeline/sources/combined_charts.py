@@ -16,14 +16,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
 from scipy import ndimage
 
-from pipeline._types import BoolArray, FloatArray, Geometries
+from pipeline._types import BoolArray, DataArray, Dataset, FloatArray, Geometries
 from pipeline.errors import RequestError, naming
 from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, DepthCover, KnownCells
 from pipeline.machine.paths import require_readable, shown
@@ -40,9 +39,6 @@ from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.land.s57 import DATUMS
 from pipeline.sources.land.shapes import box_around, extract_polygons, repaired
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Standard names (CF table 85) of a depth, positive down.
 _DEPTHS = {
@@ -163,7 +159,7 @@ class DepthFile:
             return Heights(window.lon, window.lat, mesh.highest(window.lon, window.lat, read))
 
 
-def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
+def _described(path: Path, dataset: Dataset, positive: str) -> DepthFile:
     """Find the variable of an open file; ValueError where there is none that can be used."""
     name, sign = _variable(dataset)
     given = _SIGNS.get(positive)
@@ -205,7 +201,7 @@ def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
     )
 
 
-def _variable(dataset: "xr.Dataset") -> tuple[str, float | None]:
+def _variable(dataset: Dataset) -> tuple[str, float | None]:
     """Return the name of the variable, and the sign by which it becomes a height, if it is said."""
     there = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
     signs: dict[str, float | None] = {
@@ -229,7 +225,7 @@ def _variable(dataset: "xr.Dataset") -> tuple[str, float | None]:
     raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}{hint}")
 
 
-def _named_sign(name: str, array: "xr.DataArray") -> float | None:
+def _named_sign(name: str, array: DataArray) -> float | None:
     """Return the sign of a variable by its usual name; None where nothing says it."""
     said = " ".join((name, array.attrs.get("long_name", ""))).lower()
     is_of_roms = said.startswith("h bathymetry")  # ROMS, CROCO
@@ -237,7 +233,7 @@ def _named_sign(name: str, array: "xr.DataArray") -> float | None:
     return _SIGNS.get(array.attrs.get("positive", ""), usual)
 
 
-def _standard_sign(array: "xr.DataArray") -> float | None:
+def _standard_sign(array: DataArray) -> float | None:
     """Return the sign that a variable's standard name gives; None where it is another quantity."""
     standard = array.attrs.get("standard_name", "")
     if standard == _ELLIPSOID and _AT_SEA_LEVEL not in array.attrs.get("long_name", "").lower():

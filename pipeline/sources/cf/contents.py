@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from pipeline._types import FloatArray
+from pipeline._types import DataArray, Dataset, FloatArray
 from pipeline.errors import RequestError, naming, refuse_any
 from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
@@ -33,9 +33,6 @@ from pipeline.sources.cf.dataset import (
 )
 from pipeline.sources.cf.mesh import Axes, SourceMesh
 from pipeline.sources.quantities import CURRENT, Pair, Quantity
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Words in units of speed and length, and the symbols that stand for them.
 _SYMBOLS = {
@@ -76,7 +73,7 @@ class Component:
 
 def read_component(
     file: Path,
-    dataset: "xr.Dataset",
+    dataset: Dataset,
     name: str,
     along: str = "",
     index: tuple[str, int] | None = None,
@@ -143,7 +140,7 @@ def read_component(
 
 
 def _place_along(
-    array: "xr.DataArray", dim: str, index: tuple[str, int] | None
+    array: DataArray, dim: str, index: tuple[str, int] | None
 ) -> tuple[int, list[Note]]:
     """Return the place along a dimension of no known role, with notes; ValueError without one."""
     size = array.sizes[dim]
@@ -160,7 +157,7 @@ def _place_along(
     )
 
 
-def _unit(array: "xr.DataArray", quantity: Quantity) -> tuple[float, list[Note]]:
+def _unit(array: DataArray, quantity: Quantity) -> tuple[float, list[Note]]:
     """Return a unit in the quantity's, or a direction's in degrees; ValueError without one."""
     units = str(array.attrs.get("units", "")).strip()
     if _is_direction(array):
@@ -180,7 +177,7 @@ def _unit(array: "xr.DataArray", quantity: Quantity) -> tuple[float, list[Note]]
     return unit, [] if unit == 1 else [converted]
 
 
-def _is_direction(array: "xr.DataArray") -> bool:
+def _is_direction(array: DataArray) -> bool:
     """Whether a variable is a direction, by its standard name, or its own name and its unit."""
     unit = str(array.attrs.get("units", "")).strip().lower()
     is_called = "dir" in str(array.name).lower() and unit in _DEGREES
@@ -345,7 +342,7 @@ def read_contents(
     fault.
     """
     refuse_any([f"{file.name}: {fault}" for file, fault in fatal_files(files).items()])
-    datasets: dict[Path, xr.Dataset] = {}
+    datasets: dict[Path, Dataset] = {}
     faults = []
     with contextlib.ExitStack() as stack:
         for file in files:
@@ -359,7 +356,7 @@ def read_contents(
 
 
 def _together(
-    datasets: "Mapping[Path, xr.Dataset]", names: set[str]
+    datasets: Mapping[Path, Dataset], names: set[str]
 ) -> "Iterator[tuple[Path, tuple[Path, ...]]]":
     """Yield the files that have some variables, each with the files beside it.
 
@@ -386,7 +383,7 @@ def _together(
 
 def _contents(
     files: tuple[Path, ...],
-    datasets: "dict[Path, xr.Dataset]",
+    datasets: dict[Path, Dataset],
     index: tuple[str, int] | None,
     asked: tuple[str, str] | None,
     quantity: Quantity,
@@ -442,7 +439,7 @@ def _frame_notes(pair: _Pair, frame: Frame, *, is_on_axes: bool) -> Iterator[Not
         yield Note.of("pair-taken", u=east, v=north, why=(why,))
 
 
-def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") -> Frame:
+def _frame(pair: _Pair, contents: Contents, datasets: dict[Path, Dataset]) -> Frame:
     """Return what the two components of a pair are; ValueError where nothing says it."""
     (standard, name), (direction, _) = pair
     u, v = contents.u[0][0], contents.v[0][0]
@@ -472,7 +469,7 @@ def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") 
 
 
 def _find_pair(
-    datasets: "Sequence[xr.Dataset]", asked: tuple[str, str] | None, quantity: Quantity
+    datasets: Sequence[Dataset], asked: tuple[str, str] | None, quantity: Quantity
 ) -> tuple[_Pair, tuple[Note, ...]]:
     """Find the two components, (standard name, name) each, with notes; ValueError without a pair.
 
@@ -599,7 +596,7 @@ def _notes(
         yield Note.of("current-without-tide")
 
 
-def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Contents:
+def _constants(files: tuple[Path, ...], datasets: dict[Path, Dataset]) -> Contents:
     """Return the contents of harmonic constants; RequestError as in `read_contents`."""
     if len(files) > 1:
         raise RequestError(
@@ -689,7 +686,7 @@ def _on_shared_grids(
 
 def _combined(
     files: tuple[Path, ...],
-    datasets: "dict[Path, xr.Dataset]",
+    datasets: dict[Path, Dataset],
     u: Sequence[Component],
     v: Sequence[Component],
     notes: tuple[Note, ...],

@@ -10,14 +10,11 @@ import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pipeline._types import FloatArray, IndexArray
-
-if TYPE_CHECKING:
-    import xarray as xr
+from pipeline._types import Dataset, FloatArray, IndexArray
 
 _HDF5 = b"\x89HDF"
 # Attributes by the CF conventions of what features hold, by its code.
@@ -65,7 +62,7 @@ def is_s100(path: Path) -> bool:
         return "Group_F" in opened
 
 
-def as_dataset(path: Path) -> "xr.Dataset":
+def as_dataset(path: Path) -> Dataset:
     """Read a file as a dataset.
 
     Raises UnusableError if it has something else, or of a kind that makes no field; OSError,
@@ -100,19 +97,19 @@ def as_dataset(path: Path) -> "xr.Dataset":
         )
 
 
-def is_from_s100(dataset: "xr.Dataset") -> bool:
+def is_from_s100(dataset: Dataset) -> bool:
     """Whether `as_dataset` made a dataset."""
     return _KIND in dataset.attrs
 
 
-def option_of(dataset: "xr.Dataset") -> str:
+def option_of(dataset: Dataset) -> str:
     """Say where an S-100 dataset is to be given; "" for others."""
     options = {"surfaceCurrentSpeed": "currents", "waterLevelHeight": "tide", "depth": "depths"}
     option = next((own for name, own in options.items() if name in dataset.data_vars), "")
     return f"; it is for --{option}" if option and is_from_s100(dataset) else ""
 
 
-def joined(tiles: "Sequence[xr.Dataset]") -> "xr.Dataset":
+def joined(tiles: Sequence[Dataset]) -> Dataset:
     """Return tiles of the same times as one mesh of all their points.
 
     Each tile has a lattice of its own: the number of its columns depends on the latitude.
