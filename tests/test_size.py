@@ -4,8 +4,6 @@ A figure that falls is lowered here. One that would rise asks first for what cou
 table or the type that is missing.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Via points: passed in order, with least fuel over all combinations, and safely."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Havens of a scenario: which ways lead to them, what is written, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 from datetime import timedelta

@@ -1,7 +1,5 @@
 """Routes measured against the original land."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

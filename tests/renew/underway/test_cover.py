@@ -1,7 +1,5 @@
 """Ways to havens along a route: what is claimed covered or uncovered, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
