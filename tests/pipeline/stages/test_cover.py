@@ -211,8 +211,8 @@ def test_an_endurance_below_the_route_is_refused_with_its_time(covered: Covered)
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("name,lon,lat\n", "no feature in place of points"),
-        ("name,foo\nA,1\n", "in place of points"),
+        ("name,lon,lat\n", "has no points; give points"),
+        ("name,foo\nA,1\n", "has no points; give points"),
         ("name,lon,lat\nA,200,95\n", "not on earth"),
         ("name,lon,lat\nA,1,2\nA,2,2\n", "several havens called 'A'"),
     ],
