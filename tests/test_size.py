@@ -13,7 +13,7 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_526, 29),
+    "renew": (1_562, 29),
     "pipeline": (1_083, 12),
     "pipeline/cli": (2_448, 6),
     "pipeline/findings": (3_825, 18),
@@ -22,11 +22,11 @@ ROOMS = {
     "pipeline/machine": (1_593, 10),
     "pipeline/model": (1_465, 35),
     "pipeline/nightly": (3_112, 27),
-    "pipeline/scenario": (2_257, 37),
+    "pipeline/scenario": (2_255, 37),
     "pipeline/serve": (1_720, 9),
-    "pipeline/sources": (10_053, 46),
+    "pipeline/sources": (10_047, 46),
     "pipeline/stages": (5_052, 14),
-    "pipeline/voyage": (2_090, 8),
+    "pipeline/voyage": (2_079, 8),
     "renew/bounds": (1_604, 8),
     "renew/classes": (2_460, 14),
     "renew/inputs": (2_288, 24),

@@ -187,10 +187,8 @@ class MembersSpec(StrictModel):
         return self
 
 
-MAX_SPEED_M_S = 42.0
-"""Highest speed of a vessel through water: 82 knots, which only boats built for records pass."""
-Speed = Annotated[strict.Positive, Field(le=MAX_SPEED_M_S)]
-"""A vessel's own speed, m/s."""
+Speed = Annotated[strict.Positive, Field(le=42)]
+"""A vessel's own speed, m/s: only boats that are built for records pass 82 knots."""
 
 
 class SpeedRange(StrictModel):

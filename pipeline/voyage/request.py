@@ -114,7 +114,8 @@ def _refused(request: VoyageRequest, at: SimpleNamespace) -> Iterator[str]:
     """Yield the options that don't go together, by the scenarios' table of pairs."""
     from pipeline.scenario.pairs import met
 
-    waits = any(point.wait for point in request.via)
+    waits, changes = any(point.wait for point in request.via), not request.is_steady
+    speeds = request.chooses_speeds and f"{at.speed} LEAST..MOST"
     called = {
         "a [tide]": request.tide and at.tide,
         "[limits]": (request.waves and at.waves) or (request.wind and at.wind),
@@ -125,18 +126,16 @@ def _refused(request: VoyageRequest, at: SimpleNamespace) -> Iterator[str]:
         "'members'": request.members and at.members,
         "'departures'": request.until and at.until,
         "'arrive_by'": request.arrive_by and at.arrive_by,
-        "'speed'": request.chooses_speeds and f"{at.speed} LEAST..MOST",
-        "time_method = 'changing'": not request.is_steady and f"{at.depart} (currents that change)",
+        "'speed'": speeds,
+        "'speed' in a current that changes": changes and speeds,
+        "time_method = 'changing'": changes and f"{at.depart} (currents that change)",
     }
-    called["'speed' in a current that changes"] = (
-        called["'speed'"] and called["time_method = 'changing'"]
-    )
     if request.members and request.members.get("along") and request.is_still:
         yield f"{at.members} are those of files; add {at.currents} FILE, or give a speed: 0.2m/s"
     for pair, both in met({feature: option for feature, option in called.items() if option}):
         yield f"{both}: {pair.reason}; leave one of the two out"
-    clock = not request.is_steady or request.tide or request.waves or request.wind
-    if waits and not (request.depart and clock):
+    has_clock = changes or request.tide or request.waves or request.wind
+    if waits and not (request.depart and has_clock):
         yield (
             f"a wait in {at.via} waits for nothing: give {at.depart} with {at.tide}, {at.waves}, "
             f"{at.wind} or {at.currents} FILE, which change with time, or leave the wait out"

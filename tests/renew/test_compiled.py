@@ -1,5 +1,6 @@
 """Where machine code is cached, when it is compiled again, and Ctrl-C within it."""
 
+import ast
 import json
 import os
 import shutil
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import pytest
 
 import renew
+from renew import _compiled
 from tests.commands import PYTHON, ran
 
 PACKAGE = Path(renew.__file__).parent
@@ -221,6 +223,43 @@ def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path
     folder = run(package, NUMBA_CACHE_DIR=str(tmp_path / "asked")).folder
     assert folder.is_relative_to(tmp_path / "asked")
     assert not list((package / "__pycache__").glob("kernels-*"))
+
+
+def test_kernels_use_no_value_of_a_module_without_kernels() -> None:
+    """An edit of such a module compiles nothing again: Numba takes values as they were."""
+    texts = {path: path.read_bytes() for path in PACKAGE.rglob("*.py")}
+    names = {
+        path: ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts) for path in texts
+    }
+    hashed = {names[path] for path, text in texts.items() if _compiled._HAS_KERNELS.search(text)}
+    assert 20 < len(hashed) < len(texts)
+    used = set[str]()
+    for path, text in texts.items():
+        tree = ast.parse(text)
+        imported = {
+            one.asname or one.name: str(node.module)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom)
+            for one in node.names
+        }
+        kernels = (
+            node
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef)
+            and any("kernel" in ast.unparse(one) for one in node.decorator_list)
+        )
+        for kernel in kernels:
+            assert names[path] in hashed
+            read = (
+                one.id
+                for line in kernel.body
+                for one in ast.walk(line)
+                if isinstance(one, ast.Name)
+            )
+            used |= {imported[name] for name in read if name in imported}
+    # Types stand in annotations.
+    modules = {module for module in used if module.startswith("renew")} - {"renew._types"}
+    assert modules <= hashed
 
 
 @pytest.mark.slow

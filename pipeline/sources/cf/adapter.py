@@ -21,7 +21,7 @@ from typing import Self
 import numpy as np
 from shapely.geometry import Polygon
 
-from pipeline._types import BoolArray, FloatArray
+from pipeline._types import BoolArray
 from pipeline.errors import RequestError
 from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
@@ -304,9 +304,8 @@ def read_checked_fields(
                 assessment = plausibility.assess_sizes(fields(), selected.labels, contents.quantity)
     except ValueError as error:
         raise RequestError(str(error)) from None
-    if len(reader.fills) > len(
-        fills or {}
-    ):  # a value found late means no data at earlier steps, too
+    # A value that was found late means no data at earlier steps, too.
+    if len(reader.fills) > len(fills or {}):
         return read_checked_fields(contents, selected, bounds, region, reader.fills)
     u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
     fill_notes = [
@@ -480,8 +479,8 @@ class CfMembers(CurrentSource):
         notes = dict.fromkeys(note for _, grid, _ in used for note in grid.notes)
         return replace(
             used[0][1],
-            u=_mean([grid.u for _, grid, _ in used], weights),
-            v=_mean([grid.v for _, grid, _ in used], weights),
+            u=np.tensordot(weights, np.array([grid.u for _, grid, _ in used]), axes=1),
+            v=np.tensordot(weights, np.array([grid.v for _, grid, _ in used]), axes=1),
             members=tuple(
                 MemberGrid(name, grid.u, grid.v, float(weight))
                 for (name, grid, _), weight in zip(used, weights, strict=True)
@@ -547,11 +546,6 @@ def _difference(grid: CurrentGrid, first: CurrentGrid) -> str:
     if not np.array_equal(grid.times_s, first.times_s):
         return "other times"
     return "" if grid.valid == first.valid else f"another time ({grid.valid}, not {first.valid})"
-
-
-def _mean(parts: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
-    """Return the mean (nt, ny, nx) of a component over the members; NaN where any has none."""
-    return np.asarray(np.tensordot(weights, np.array(parts), axes=1))
 
 
 # Least time between a residual's steps: closer ones show the tide, which would count twice.

@@ -202,7 +202,6 @@ FAULTS_OF_TIMES = [
         ["a wait in --via together with --until: the wait leaves a time to choose"],
     ),
     ({"members": "files", "currents": ("still",)}, ["--members are those of files; add"]),
-    ({"padding": "wide"}, ["--padding 'wide' is not understood; give a length"]),
     ({"depart": "", "currents": (), "months": ("2026-13",)}, ["--month 2026-13 is not a month"]),
     (
         {"via": ("119E 11N wait 6h",), "currents": ("still",)},
