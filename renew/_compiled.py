@@ -32,7 +32,7 @@ FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent
 # The decorators' own module, too.
-_HAS_KERNELS = re.compile(rb"^(@|def )\w*kernel\b", re.MULTILINE)
+_HAS_KERNELS = re.compile(rb"^ *(@|def )\w*kernel\b", re.MULTILINE)
 # Folders of earlier sources that are kept beside the one in use: another checkout may share them.
 _MAX_EARLIER = 3
 

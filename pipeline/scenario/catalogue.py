@@ -95,14 +95,10 @@ class VesselSpec(StrictModel):
     power: PowerSpec | None = None
 
     @model_validator(mode="after")
-    def _has_one_law(self) -> Self:
+    def _is_a_vessel(self) -> Self:
         given = {"fuel_coefficient", "fuel_exponent"} & self.model_fields_set
         if self.power is not None and given:
             raise ValueError(f"has a power table and {' and '.join(sorted(given))}; leave one out")
-        return self
-
-    @model_validator(mode="after")
-    def _can_turn(self) -> Self:
         rate = math.radians(self.turn_rate_deg_s)
         sideways_g = self.speed_m_s * rate / _MAX_SIDEWAYS_M_S2
         circle_m = 2 * self.speed_m_s / rate

@@ -329,6 +329,8 @@ class Season(StrictModel):
             )
         elif not self.valid and any(named != STILL for named in self.currents):
             yield "lacks 'valid'; add the month as 'YYYY-MM'"
+        if STILL in self.currents[:-1]:
+            yield "names other currents after 'still', which would never be used; put 'still' last"
 
     def member_faults(self) -> Iterator[str]:
         """Find members in currents that are not given as files."""

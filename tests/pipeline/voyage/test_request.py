@@ -201,6 +201,7 @@ FAULTS_OF_TIMES = [
         {"via": ("119E 11N wait 6h",), "until": "2026-11-23T06:00Z"},
         ["a wait in --via together with --until: the wait leaves a time to choose"],
     ),
+    ({"currents": ("still", _HOURLY)}, ["names other currents after 'still'"]),
     ({"members": "files", "currents": ("still",)}, ["--members are those of files; add"]),
     ({"depart": "", "currents": (), "months": ("2026-13",)}, ["--month 2026-13 is not a month"]),
     (
