@@ -6,9 +6,11 @@ sources with kernels. It holds no paths and no times, and can be shipped.
 """
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import platform
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -21,11 +23,16 @@ import numba
 import numpy as np
 import numpy.typing as npt
 from numba.core import cgutils
+from numba.core.caching import IndexDataCacheFile
+from numba.core.codegen import CodeLibrary, CPUCodegen
+from numba.core.compiler import CompileResult
 from numba.core.pythonapi import PythonAPI
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent
+# The decorators' own module, too.
+_HAS_KERNELS = re.compile(rb"^ *(@|def )\w*kernel\b", re.MULTILINE)
 # Folders of earlier sources that are kept beside the one in use: another checkout may share them.
 _MAX_EARLIER = 3
 
@@ -40,9 +47,12 @@ def kernel(function: FunctionT, **more: bool) -> FunctionT:
     config: Any = numba.config
     earlier, config.CACHE_LOCATOR_CLASSES = config.CACHE_LOCATOR_CLASSES, _LOCATOR
     try:
-        return cast("FunctionT", numba.njit(function, **options))
+        compiled: Any = numba.njit(function, **options)
     finally:
         config.CACHE_LOCATOR_CLASSES = earlier
+    if is_switched_on():
+        compiled._cache._impl.rebuild = _rebuilt
+    return cast("FunctionT", compiled)
 
 
 def reading_kernel(function: FunctionT) -> FunctionT:
@@ -142,7 +152,7 @@ def _lasting_parents() -> Iterator[Path]:
 @cache
 def _name() -> str:
     """Return the folder's name: a hash of all sources with kernels, and of Numba's version."""
-    with_kernels = (path for path in _sources() if b"kernel" in path.read_bytes())
+    with_kernels = (path for path in _sources() if _HAS_KERNELS.search(path.read_bytes()))
     return f"kernels-{_hash(*with_kernels, of=numba.__version__)}"
 
 
@@ -211,7 +221,7 @@ _LOCATOR = f"{__name__}.{Locator.__name__}"
 _UNSERIALIZED = PythonAPI.unserialize
 
 
-def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN401
+def _unserialized_or_raised(api: Any, pointer: object) -> object:
     """Emit code that unserializes an object, and leaves the function if that raises an error.
 
     Arrays and named tuples that a kernel returns are built with the help of a Python function, and
@@ -226,3 +236,50 @@ def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN40
 
 
 PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]
+_SAVE = IndexDataCacheFile.save
+
+
+def _saved_alone(index: Any, key: object, code: object) -> None:
+    """Save machine code while no other process does, on a file system that has locks.
+
+    Numba reads the index of a kernel, adds an entry and writes it. Of two processes that did so at
+    once one would lose its entry, or an entry would name the code of other types.
+    """
+    folder = os.open(cache_folder(), os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(folder, fcntl.LOCK_EX)
+        _SAVE(index, key, code)
+    finally:
+        os.close(folder)
+
+
+IndexDataCacheFile.save = _saved_alone  # type: ignore[method-assign]
+
+
+def _rebuilt(context: Any, saved: Any) -> Any:
+    """Make saved machine code callable; its bitcode is parsed for a kernel that inlines it only.
+
+    Numba parses it at once, which takes three quarters of the time to load a kernel.
+    """
+    (name, _, (code, bitcode)), function, *others = saved
+    codegen = context.codegen()
+    library = codegen.create_library(name)
+    library.enable_object_caching()
+    library._set_compiled_object(code)
+    library._finalize_final_module()
+    library._get_module_for_linking = lambda: llvmlite.binding.parse_bitcode(bitcode)
+    callable_as = function.llvm_func_name, function.llvm_cpython_wrapper_name
+    codegen._engine._defined_symbols.update(callable_as)
+    return CompileResult._rebuild(context, library, function, *others)
+
+
+_UNSERIALIZE = CPUCodegen.unserialize_library
+
+
+def _unserialized_library(codegen: Any, saved: Any) -> CodeLibrary:
+    """Return the library of saved code, or one that is made already."""
+    return saved if isinstance(saved, CodeLibrary) else _UNSERIALIZE(codegen, saved)
+
+
+CPUCodegen.unserialize_library = _unserialized_library  # type: ignore[method-assign]

@@ -1,7 +1,5 @@
 """The walls of the house: who imports whom, what is declared, what the wheel holds, its version."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import shutil
@@ -32,6 +30,7 @@ COMES_WITH = {
     "distributed": "dask",
     "llvmlite": "numba",
     "markupsafe": "jinja2",
+    "pandas": "geopandas",
     "pydantic-core": "pydantic",
     "starlette": "fastapi",
 }

@@ -1,7 +1,5 @@
 """What the documents say holds: Python blocks run; targets, files and names exist."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import os
@@ -204,10 +202,17 @@ def test_a_strict_build_fails_at_faults(faults: tuple[str, ...], tmp_path: Path)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_links_point_at_files_that_exist(document: str) -> None:
-    links = re.findall(r"\]\((?!https?:|#|mailto:)([^)#\s]+)(?:#[^)\s]*)?\)", _text(document))
+def test_links_point_at_files_and_headings_that_exist(document: str) -> None:
+    """The strict build says so of the site, but takes a minute."""
+    links = re.findall(r"\]\((?!https?:|mailto:)([^)#\s]*)#?([^)\s]*)\)", _text(document))
     folder = (ROOT / document).parent
-    assert [link for link in links if not (folder / link).exists()] == []
+    assert [link for link, _ in links if not (folder / link).exists()] == []
+    for link, anchor in links:
+        page = folder / link if link else ROOT / document
+        if anchor and page.suffix == ".md":
+            headings = re.findall("^#+ (.*)", page.read_text("utf-8"), re.MULTILINE)
+            slugs = [re.sub(r"[^\w\- ]", "", line.lower()).replace(" ", "-") for line in headings]
+            assert anchor in slugs or not headings, link  # a page may only include another
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

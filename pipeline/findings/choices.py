@@ -171,7 +171,7 @@ def trade_offs(result: RunResult) -> tuple[SpeedTradeOff, ...]:
 
 def trade_off_text(chosen: SpeedTradeOff) -> tuple[str, ...]:
     """Say in sentences how fast the vessel sails, and what more or less time is worth."""
-    allowed = f"{chosen.choice.least:g}–{chosen.choice.most:g} m/s"
+    allowed = f"{chosen.choice.least:.3g}–{chosen.choice.most:.3g} m/s"
     low, high = text.speed_range(chosen.slowest, chosen.fastest)
     how = f"Speeds through water of {low}–{high} m/s, chosen from leg to leg among {allowed}, bring"
     if low == high:

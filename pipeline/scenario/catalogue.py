@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Iterable
 from functools import cache
@@ -14,12 +15,15 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.scenario import strict
 from pipeline.scenario.region import ChartSpec
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Season, Speed
 from pipeline.scenario.strict import StrictModel, near_miss, shown
 
 # The limit of `renew.Vessel`: larger figures are typing errors, and their powers overflow.
 _Figure = Annotated[strict.Positive, Field(le=1e6)]
-_TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
+# Acceleration to the side, m/s², that no vessel turns with: that of gravity.
+_MAX_SIDEWAYS_M_S2 = 9.81
+# Largest circle, m: IMO's MSC.137(76) asks for five lengths at most, 2.3 km for the longest ship.
+_MAX_CIRCLE_M = 20_000.0
 
 
 # The name of a vessel that was given none.
@@ -80,21 +84,31 @@ class VesselSpec(StrictModel):
     name: strict.Name = _UNNAMED
     title: str = ""
     origin: str = ""
-    length_m: _Figure
-    draught_m: strict.Positive | None = None
+    length_m: strict.Positive = Field(le=600)  # the longest ship had 458 m
+    draught_m: strict.Positive | None = Field(default=None, le=60)
     squat_m: strict.NonNegative = 0.0
-    speed_m_s: _Figure
-    turn_rate_deg_s: strict.Positive = Field(le=_TURN_RATE_LIMIT_DEG_S)
+    speed_m_s: Speed
+    turn_rate_deg_s: _Figure
     fuel_coefficient: strict.Positive = Field(default=1.0, le=1e12)
     fuel_exponent: strict.Positive = Field(default=2.0, le=20)
     limits: VesselLimits | None = None
     power: PowerSpec | None = None
 
     @model_validator(mode="after")
-    def _has_one_law(self) -> Self:
+    def _is_a_vessel(self) -> Self:
         given = {"fuel_coefficient", "fuel_exponent"} & self.model_fields_set
         if self.power is not None and given:
             raise ValueError(f"has a power table and {' and '.join(sorted(given))}; leave one out")
+        rate = math.radians(self.turn_rate_deg_s)
+        sideways_g = self.speed_m_s * rate / _MAX_SIDEWAYS_M_S2
+        circle_m = 2 * self.speed_m_s / rate
+        if sideways_g > 1 or circle_m > _MAX_CIRCLE_M:
+            raise strict.RemediedError(
+                f"turns at {self.speed_m_s:.3g} m/s by {self.turn_rate_deg_s:.3g} degrees/s, which "
+                f"no vessel does: that is a circle of {circle_m:.3g} m with {sideways_g:.2g} g; "
+                f"{_MAX_CIRCLE_M / 1000:g} km and 1 g are the most; correct speed_m_s (--speed) or "
+                "turn_rate_deg_s (--turning-circle)"
+            )
         return self
 
     @property

@@ -330,6 +330,8 @@ def _outside_region(region: Region, name: str, lon: float, lat: float) -> Iterat
     distance_km = pyproj.Geod(ellps="WGS84").inv(lon, lat, *nearest)[2] / 1000
     bounds = ", ".join(f"{bound:g}" for bound in region.shape.bounds)
     remedy = "move it inside or widen the region"
+    if "--at" in name:  # under way the region is that of the plan
+        remedy = "correct it, or plan from there anew with renew go"
     if region.shape.covers(shapely.Point(lat, lon)):
         remedy = f"did you mean [{lat:g}, {lon:g}]? A place is [longitude, latitude]"
     yield (

@@ -1,11 +1,12 @@
 """The pairs of features that a scenario can't have together, by the table `pairs.toml`.
 
 A scenario may have every other pair. The scenario's checks and the reference are made from the
-table, and a property test compares random scenarios with it. What one feature needs (a departure, a
-draught) is no pair: `loading` checks it.
+table, and a property test compares random scenarios with it; of a voyage of one line
+`pipeline/voyage/request.py` checks it in the words of the options. What one feature needs (a
+departure, a draught) is no pair: `loading` checks it.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from pipeline.scenario.model import Scenario
@@ -60,30 +61,28 @@ PAIRS = tuple(RefusedPair(**pair) for pair in table_beside(__file__, "pairs.toml
 """The pairs that are refused; at most 15, and each for one reason."""
 
 
+def met(called: Mapping[str, str]) -> Iterator[tuple[RefusedPair, str]]:
+    """Yield the pairs of the table among features, and what is met, as each feature is called."""
+    for pair in PAIRS:
+        first, second = (
+            " and ".join(called[name] for name in group if name in called)
+            for group in (pair.first, pair.second)
+        )
+        if first and second:
+            yield pair, f"{first} together with {second}"
+
+
 def refusals(scenario: Scenario) -> Iterator[str]:
     """Yield a line for each pair of the table that a scenario has."""
-    for pair in PAIRS:
-        lines = dict.fromkeys(_line(pair, scenario, season) for season in scenario.seasons)
-        yield from filter(None, lines)
-
-
-def _line(pair: RefusedPair, scenario: Scenario, season: Season) -> str:
-    """Return the line on a pair in a season; "" where the season lacks one of the two."""
-    first, second = (
-        [
-            name
-            for name in group
-            if (
-                OF_THE_SCENARIO[name](scenario)
-                if name in OF_THE_SCENARIO
-                else OF_A_SEASON[name](season)
-            )
-        ]
-        for group in (pair.first, pair.second)
+    yield from dict.fromkeys(
+        line for season in scenario.seasons for line in _of_season(scenario, season)
     )
-    if not (first and second):
-        return ""
-    of_a_season = any(name in OF_A_SEASON for name in (*first, *second))
-    about = f"season {season.name!r} " if of_a_season else ""
-    have = f"has {' and '.join(first)} together with {' and '.join(second)}"
-    return f"{about}{have}: {pair.reason}; {pair.remedy}"
+
+
+def _of_season(scenario: Scenario, season: Season) -> Iterator[str]:
+    """Yield a line for each pair that a season has."""
+    there = [name for name, holds in OF_THE_SCENARIO.items() if holds(scenario)]
+    there += [name for name, holds in OF_A_SEASON.items() if holds(season)]
+    for pair, both in met({name: name for name in there}):
+        about = f"season {season.name!r} " if any(name in both for name in OF_A_SEASON) else ""
+        yield f"{about}has {both}: {pair.reason}; {pair.remedy}"

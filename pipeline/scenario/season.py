@@ -187,15 +187,15 @@ class MembersSpec(StrictModel):
         return self
 
 
-# The limit of a vessel's own speed.
-_Speed = Annotated[strict.Positive, Field(le=1e6)]
+Speed = Annotated[strict.Positive, Field(le=42)]
+"""A vessel's own speed, m/s: only boats that are built for records pass 82 knots."""
 
 
 class SpeedRange(StrictModel):
     """Lowest and highest speed through water, in place of the vessel's own speed."""
 
-    least: _Speed
-    most: _Speed
+    least: Speed
+    most: Speed
 
 
 TimeMethod = Literal["mean", "nearest", "linear"]
@@ -329,6 +329,8 @@ class Season(StrictModel):
             )
         elif not self.valid and any(named != STILL for named in self.currents):
             yield "lacks 'valid'; add the month as 'YYYY-MM'"
+        if STILL in self.currents[:-1]:
+            yield "names other currents after 'still', which would never be used; put 'still' last"
 
     def member_faults(self) -> Iterator[str]:
         """Find members in currents that are not given as files."""

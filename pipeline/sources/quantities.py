@@ -42,6 +42,7 @@ class Quantity:
     ----------
     name : as a message calls it.
     standard_names, polar_names, variable_names : pairs of names, in the order of preference.
+    called : patterns of what a file calls the first component, and the second.
     units : units in m/s, m or s, by their spelling, and `unit`, the one meant.
     examples : units that a message names.
     most : largest value that there can be, m/s or m: a larger one is a fill value or another unit.
@@ -65,6 +66,7 @@ class Quantity:
     grib_names: Mapping[str, tuple[str, ...]]
     grib_text: str
     polar_names: tuple[Pair, ...] = ()
+    called: tuple[str, ...] = ()
     levels: tuple[tuple[str, float], ...] = ()
     height_m: float = 0.0
     kinds: Collection[str] = ("instant", "avg")

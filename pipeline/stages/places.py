@@ -6,6 +6,7 @@ output format works.
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -204,17 +205,17 @@ def area_identities(avoid: Iterable[AvoidedArea]) -> tuple[object, ...]:
 
 
 def avoided_zones(
-    avoid: Iterable[AvoidedArea], region: shapely.Polygon
+    avoid: Iterable[AvoidedArea], region: shapely.Polygon, *, may_be_far: bool = False
 ) -> tuple[tuple[model.Zone, ...], tuple[model.Note, ...]]:
     """Return the avoided areas near a region (lon/lat degrees), in their order, and notes on them.
 
-    Raises RequestError if a file can't be read, or has no area near the region; all faults are
-    listed.
+    Raises RequestError if a file can't be read or, unless it may be far, has no area near the
+    region; all faults are listed.
     """
     zones, notes, faults = list[model.Zone](), list[model.Note](), list[str]()
     for at, area in enumerate(avoid):
         try:
-            land = _file(area).land(region)
+            land = replace(_file(area), is_addition=may_be_far).land(region)
         except RequestError as error:
             faults += [f"avoid[{at}]: {fault}" for fault in error.faults]
             continue

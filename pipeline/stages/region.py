@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from pipeline.scenario.strict import Point
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.land.shapes import box_around
-from pipeline.sources.land.vector import open_layer, read_havens
+from pipeline.sources.land.vector import read_havens
 from pipeline.sources.registry import charted_land, current_source
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.places import avoided_zones, check_datum, lakes_text, not_in_water
@@ -105,14 +104,19 @@ def require_whole_files(scenario: Scenario) -> None:
     """
     if scenario.is_planar:
         return
-    faults = Faults()
-    region = least_region(*scenario.stops.values())
-    if scenario.region is not None:
-        region = scenario.region.shape
-        faults.collect(lambda: avoided_zones(scenario.avoid, region))
-    for area in scenario.avoid if scenario.region is None else ():
-        version = (Path(area.path).stat().st_mtime_ns,)
-        faults.collect(partial(open_layer, Path(area.path), area.layer, area.crs, version))
+    faults, is_open = Faults(), scenario.region is None
+    region = scenario.region.shape if scenario.region else least_region(*scenario.stops.values())
+    # A region that is chosen may have areas that these bounds lack.
+    zones, _ = faults.collect(
+        lambda: avoided_zones(scenario.avoid, region, may_be_far=is_open)
+    ) or ((), ())
+    for (at, area), zone in zip(enumerate(scenario.avoid), zones, strict=False):
+        for name, (lon, lat) in scenario.stops.items() if not area.has_hours else ():
+            if shapely.intersects_xy(zone.area, lon, lat):
+                faults.lines.append(
+                    f"{name} = {[lon, lat]} lies in area {zone.name!r} (avoid[{at}]), which is "
+                    "always shut; move it out of there, or give the area hours: 'from', 'until'"
+                )
     if (havens := scenario.havens) is not None:
         faults.collect(lambda: read_havens(Path(havens.path)))
     tide = scenario.tide

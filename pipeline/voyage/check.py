@@ -193,11 +193,13 @@ def _checked(
     same_side, best = (
         ranked[routes.index(one)] if one else None for one in (found.same_side, found.best)
     )
+    # A way over land is on no side of it.
+    has_side = not (crossed and best)
     return CheckedRoute(
         given,
-        same_side,
+        same_side if has_side else None,
         best,
-        "" if found.cause is None else reason_text(found.cause, case),
+        reason_text(found.cause, case) if found.cause and has_side else "",
         cumulative(taken.true_s),
         crossed,
         None if crossed or near is None else case.water.place(near[0]),

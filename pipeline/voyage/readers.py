@@ -7,6 +7,7 @@ with the text, the reason and the remedy. `pipeline/voyage/positions.py` reads p
 import re
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,12 +38,34 @@ _LENGTHS = {
 }
 RANGE = ".."
 """Separates the lowest and the highest speed of a range."""
-_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+_MONTH = re.compile(r"\d{4}-(0[1-9]|1[0-2])", re.ASCII)
 
 
-def speed_m_s(text: str) -> float:
-    """Read a speed, m/s, which must have a unit."""
-    return _read(text, _SPEEDS, "a speed such as 12kn, 6.2m/s, 22km/h or 14mph")
+def _read(text: str, units: dict[str, float], remedy: str) -> float:
+    """Read a number with its unit; return it in m or m/s."""
+    matched = _QUANTITY.fullmatch(text)
+    factor = units.get((matched[2] or "").lower()) if matched is not None else None
+    if matched is None or factor is None:
+        raise ValueError(f"{text.strip()!r} is not understood; give {remedy}")
+    return float(matched[1].replace(",", ".")) * factor
+
+
+def _positive(text: str, reader: Callable[[str], float]) -> float:
+    """Read a figure above 0."""
+    figure = reader(text)
+    if figure <= 0:
+        raise ValueError(f"{text} is not above 0; give a larger figure")
+    return figure
+
+
+speed_m_s = partial(_read, units=_SPEEDS, remedy="a speed such as 12kn, 6.2m/s, 22km/h or 14mph")
+"""Read a speed, m/s, which must have a unit."""
+length_m = partial(_read, units=_LENGTHS, remedy="a length such as 90m, 300ft or 0.5nm")
+"""Read a length, m; without a unit it is in metres."""
+dimension_m = partial(_positive, reader=length_m)
+"""Read a dimension of a vessel, m."""
+above_0_m_s = partial(_positive, reader=speed_m_s)
+"""Read a speed above 0, m/s."""
 
 
 def speed_or_range(given: str | tuple[float, float]) -> float | tuple[float, float]:
@@ -68,26 +91,6 @@ def speed_or_range(given: str | tuple[float, float]) -> float | tuple[float, flo
     return low, high
 
 
-def length_m(text: str) -> float:
-    """Read a length, m; without a unit it is in metres."""
-    return _read(text, _LENGTHS, "a length such as 90m, 300ft or 0.5nm")
-
-
-def _above_0(reader: Callable[[str], float]) -> Callable[[str], float]:
-    """Return a reader of figures above 0."""
-
-    def read(text: str) -> float:
-        figure = reader(text)
-        if figure <= 0:
-            raise ValueError(f"{text} is not above 0; give a larger figure")
-        return figure
-
-    return read
-
-
-dimension_m, above_0_m_s = _above_0(length_m), _above_0(speed_m_s)
-
-
 def read_clearance_m(given: str | float) -> float:
     """Read a distance from no-go areas, true metres."""
     metres = length_m(given) if isinstance(given, str) else given
@@ -108,15 +111,6 @@ def read_shortfall(given: str) -> str:
     if given not in ("refuse", "least"):
         raise ValueError(f"{given!r} is not understood; give 'refuse' or 'least'")
     return given
-
-
-def _read(text: str, units: dict[str, float], remedy: str) -> float:
-    """Read a number with its unit; return it in m or m/s."""
-    matched = _QUANTITY.fullmatch(text)
-    factor = units.get((matched[2] or "").lower()) if matched is not None else None
-    if matched is None or factor is None:
-        raise ValueError(f"{text.strip()!r} is not understood; give {remedy}")
-    return float(matched[1].replace(",", ".")) * factor
 
 
 def zoned_time(given: str | datetime) -> datetime:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pipeline.errors import RequestError
 from pipeline.voyage import readers
 from pipeline.voyage.positions import Position, read_end, read_position, read_stop, spelled
-from pipeline.voyage.table import Asker, each, read, read_folder
+from pipeline.voyage.table import Asker, each, read, read_folder, spelling
 
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import VesselSpec
@@ -104,7 +104,42 @@ def read_voyage(given: Mapping[str, Any], asker: Asker, known: Sequence[str] = (
 
     Raises RequestError with a line for each fault, after those `known` before.
     """
-    return read(VoyageRequest, given, asker, faults_of_pairs, known)
+    request = read(VoyageRequest, given, asker, faults_of_pairs, known)
+    if faults := list(_refused(request, spelling(VoyageRequest, asker))):
+        raise RequestError(faults)
+    return request
+
+
+def _refused(request: VoyageRequest, at: SimpleNamespace) -> Iterator[str]:
+    """Yield the options that don't go together, by the scenarios' table of pairs."""
+    from pipeline.scenario.pairs import met
+
+    waits, changes = any(point.wait for point in request.via), not request.is_steady
+    speeds = request.chooses_speeds and f"{at.speed} LEAST..MOST"
+    called = {
+        "a [tide]": request.tide and at.tide,
+        "[limits]": (request.waves and at.waves) or (request.wind and at.wind),
+        "[havens]": request.havens and at.havens,
+        "planner.adrift": request.adrift and at.adrift,
+        "via points": request.via and at.via,
+        "a wait at an anchorage": waits and f"a wait in {at.via}",
+        "'members'": request.members and at.members,
+        "'departures'": request.until and at.until,
+        "'arrive_by'": request.arrive_by and at.arrive_by,
+        "'speed'": speeds,
+        "'speed' in a current that changes": changes and speeds,
+        "time_method = 'changing'": changes and f"{at.depart} (currents that change)",
+    }
+    if request.members and request.members.get("along") and request.is_still:
+        yield f"{at.members} are those of files; add {at.currents} FILE, or give a speed: 0.2m/s"
+    for pair, both in met({feature: option for feature, option in called.items() if option}):
+        yield f"{both}: {pair.reason}; leave one of the two out"
+    has_clock = changes or request.tide or request.waves or request.wind
+    if waits and not (request.depart and has_clock):
+        yield (
+            f"a wait in {at.via} waits for nothing: give {at.depart} with {at.tide}, {at.waves}, "
+            f"{at.wind} or {at.currents} FILE, which change with time, or leave the wait out"
+        )
 
 
 def faults_of_pairs(

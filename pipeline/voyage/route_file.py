@@ -21,6 +21,7 @@ from lxml import etree
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.formats.passage.safe_corridor import Curve, curve_for, in_pieces
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.texts import clean
 from pipeline.voyage.request import SNAP_M
@@ -31,8 +32,6 @@ _MOST_BYTES = 50_000_000
 _MOST_POINTS = 100_000
 # Longest piece of a leg, true metres: between its ends the plane's straight line is the leg.
 _PIECE_M = 2_000.0
-# Number of metres of a degree of latitude, roughly.
-_DEGREE_M = 111_000.0
 # A route ends where it begins if its ends are apart by less than this share of its farthest point.
 _HOME_SHARE = 0.1
 # What the libraries that read a file raise where it is damaged; lxml's error is a SyntaxError.
@@ -73,7 +72,7 @@ class GivenRoute:
     def stops(self) -> dict[str, Any]:
         """Its ends, and of one that ends where it begins its farthest point, as `go` takes them."""
         off = (self.lonlat - self.lonlat[0]) * [np.cos(np.radians(self.lonlat[0, 1])), 1.0]
-        far_m = _DEGREE_M * np.hypot(*off.T)
+        far_m = METRES_PER_DEGREE * np.hypot(*off.T)
         is_closed = bool(far_m[-1] < min(SNAP_M, _HOME_SHARE * far_m.max()))
         places = self.lonlat[[0, *[far_m.argmax()] * is_closed, -1]]
         places[:, 0] = (places[:, 0] + 180) % 360 - 180
@@ -90,7 +89,7 @@ class GivenRoute:
         for ends, point in zip(itertools.pairwise(self.lonlat), self.points[1:], strict=True):
             begin, end = (one[None] for one in ends)
             if point.curve is None:
-                far_m = _DEGREE_M * np.hypot(*(end - begin)[0])
+                far_m = METRES_PER_DEGREE * np.hypot(*(end - begin)[0])
                 share = np.linspace(0.0, 1.0, 2 + int(far_m / _PIECE_M))[:, None]
                 pieces = begin + share * (end - begin)
             else:
@@ -130,7 +129,8 @@ def _first(found: list[GivenRoute]) -> tuple[GivenRoute, str]:
         return GivenRoute("", "", ()), "has no route, track or line of at least two points"
     for number, (lon, lat, *_) in enumerate(route.points, start=1):
         if not (abs(lon) <= 360 and abs(lat) <= 90):
-            return route, f"has point {number} at longitude {lon:g}, latitude {lat:g}"
+            where = f"longitude {lon:g}, latitude {lat:g}, which is not on earth: give degrees"
+            return route, f"has point {number} at {where}, or exchange the two"
     moved = np.any(np.diff(route.lonlat, axis=0) != 0, axis=1).tolist()
     kept = tuple(itertools.compress(route.points, [True, *moved]))
     why = "has a route whose points are all at one place" if len(kept) < 2 else ""

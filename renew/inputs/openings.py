@@ -145,7 +145,7 @@ class OverLimit(ShutArea):
         """The water with its hours, for a message on a voyage from `departure` (s)."""
         hours = from_until(self.begin, self.end)
         if math.isinf(self.most):
-            return Text(f"water whose {self.name} are not known{{0}}", (hours,))
+            return Text(f"water with unknown {self.name}{{0}}", (hours,))
         # Rounded up, so that it is never said to be at its limit.
         most = math.ceil(10 * self.most) / 10
         return Text(f"water with {self.name} of up to {most:.1f} {self.unit}{{0}}", (hours,))

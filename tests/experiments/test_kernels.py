@@ -1,10 +1,10 @@
 """Compiled primitives of the baselines against OMPL, shapely and SciPy."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import os
+from types import FunctionType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 from scipy.integrate import quad
 
 import renew
-from experiments.kernels.dubins import dubins_length, dubins_path
+from experiments.kernels import dubins
 from experiments.kernels.leg_time import LegTimes, leg_time
 from experiments.kernels.water import PaddedWater, leg_clear
 from tests.commands import PYTHON, ran
@@ -28,11 +28,25 @@ coordinates = st.floats(-20, 20)
 poses = st.tuples(coordinates, coordinates, st.floats(-math.pi, math.pi))
 
 
-@pytest.mark.slow
+def interpreted() -> dict[str, Any]:
+    """Give the functions of Dubins paths as Python runs them: to compile them takes seconds."""
+    names = dict(vars(dubins))
+    for name, made in vars(dubins).items():
+        if hasattr(made, "py_func"):
+            names[name] = FunctionType(made.py_func.__code__, names)
+    return names
+
+
+FUNCTIONS = pytest.mark.parametrize(
+    "functions", [interpreted(), pytest.param(vars(dubins), marks=pytest.mark.slow)]
+)
+
+
+@FUNCTIONS
 @examples(10, 100)
-@given(poses, poses)
+@given(one=poses, other=poses)
 def test_dubins_paths_are_as_long_as_ompls(
-    one: tuple[float, float, float], other: tuple[float, float, float]
+    functions: dict[str, Any], one: tuple[float, float, float], other: tuple[float, float, float]
 ) -> None:
     space = base.DubinsStateSpace(RADIUS)
     bounds = base.RealVectorBounds(2)
@@ -44,25 +58,25 @@ def test_dubins_paths_are_as_long_as_ompls(
         state.setX(x)
         state.setY(y)
         state.setYaw(heading)
-    ours = dubins_length(np.array(one), np.array(other), RADIUS)
+    ours = functions["dubins_length"](np.array(one), np.array(other), RADIUS)
     # Where two words tie, or the poses coincide, rounding may add a full circle to either.
     circle = 2 * math.pi * RADIUS
     difference = abs(ours - space.distance(*states))
     assert min(difference, abs(difference - circle)) < 1e-4
 
 
-@pytest.mark.slow
+@FUNCTIONS
 @examples(10, 100)
-@given(poses, poses)
+@given(one=poses, other=poses)
 def test_a_dubins_path_joins_its_poses_and_turns_no_tighter_than_its_radius(
-    one: tuple[float, float, float], other: tuple[float, float, float]
+    functions: dict[str, Any], one: tuple[float, float, float], other: tuple[float, float, float]
 ) -> None:
-    path = dubins_path(np.array(one), np.array(other), RADIUS)
+    path = functions["dubins_path"](np.array(one), np.array(other), RADIUS)
     np.testing.assert_allclose(path[[0, -1]], [one[:2], other[:2]], atol=1e-9)
     legs = np.diff(path, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     assert lengths.sum() == pytest.approx(
-        dubins_length(np.array(one), np.array(other), RADIUS), rel=2e-3, abs=1e-6
+        functions["dubins_length"](np.array(one), np.array(other), RADIUS), rel=2e-3, abs=1e-6
     )
 
 

@@ -1,10 +1,8 @@
-"""What tests keep in a process: the land mask of the world, and the one that opens files first.
+"""What tests keep in a process: the world's land mask, a region's land, and who opens files first.
 
-Either takes a second or a part of it each time. A program reads a few files of currents, and gives
-both back; the tests read hundreds. As a module that a Dask worker loads first, it does so there.
+Each takes a second or a part of it each time. A program reads a few files of currents, and gives
+all back; the tests read hundreds. As a module that a Dask worker loads first, it does so there.
 """
-
-from __future__ import annotations
 
 import atexit
 import functools
@@ -12,6 +10,7 @@ import functools
 from pipeline.machine.workers import Worker
 from pipeline.sources.cf import dataset
 from pipeline.sources.current_field import LandMask
+from pipeline.sources.land import osm
 
 
 class KeptWorker(Worker):
@@ -26,12 +25,13 @@ class KeptWorker(Worker):
 
 
 def keep() -> None:
-    """Keep both from their first use on."""
+    """Keep all from their first use on."""
     if not hasattr(LandMask.world, "cache_info"):
         LandMask.world = functools.cache(LandMask.world)  # type: ignore[method-assign]
+        osm.land_polygons = functools.cache(osm.land_polygons)
         dataset.Worker = functools.cache(KeptWorker)  # type: ignore[attr-defined, assignment]
 
 
 def dask_setup(_: object) -> None:
-    """Keep both in this worker."""
+    """Keep all in this worker."""
     keep()

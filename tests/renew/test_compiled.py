@@ -1,7 +1,6 @@
 """Where machine code is cached, when it is compiled again, and Ctrl-C within it."""
 
-from __future__ import annotations
-
+import ast
 import json
 import os
 import shutil
@@ -16,6 +15,7 @@ from typing import NamedTuple
 import pytest
 
 import renew
+from renew import _compiled
 from tests.commands import PYTHON, ran
 
 PACKAGE = Path(renew.__file__).parent
@@ -174,6 +174,36 @@ def test_a_second_process_compiles_nothing(package: Path) -> None:
     assert second.folder.is_relative_to(package)
 
 
+# Two processes save code of one kernel for other types, each while the other is about to.
+AT_ONCE = """
+import os, time
+from numba.core.caching import IndexDataCacheFile as Index
+from renew import outer
+
+def slowly(index, load=Index._load_index):
+    found = load(index)
+    time.sleep(0.3)
+    return found
+
+index = outer.doubled._cache._cache_file
+children = []
+for number in (3.0, 3):
+    children.append(os.fork())
+    if not children[-1]:
+        Index._load_index = slowly
+        outer.doubled(number)
+        os._exit(0)
+for child in children:
+    os.waitpid(child, 0)
+entries = index._load_index()
+print(len(entries), len({*entries.values()}))
+"""
+
+
+def test_processes_that_compile_at_once_lose_no_entry(package: Path) -> None:
+    assert printed(package, AT_ONCE) == "2 2\n"
+
+
 def test_an_edit_of_an_inlined_kernel_compiles_again(compiled: Path) -> None:
     inner = compiled / "inner.py"
     # Of another size: within a second Python tells an edit by that alone.
@@ -193,6 +223,29 @@ def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path
     folder = run(package, NUMBA_CACHE_DIR=str(tmp_path / "asked")).folder
     assert folder.is_relative_to(tmp_path / "asked")
     assert not list((package / "__pycache__").glob("kernels-*"))
+
+
+def test_kernels_use_nothing_of_a_module_without_kernels() -> None:
+    """An edit of such a module compiles nothing again, and values and types stay as they were."""
+    trees = {
+        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts): ast.parse(text)
+        for path in PACKAGE.rglob("*.py")
+        if _compiled._HAS_KERNELS.search(text := path.read_bytes())
+    }
+    assert len(trees) > 20
+    used = set[str]()
+    for tree in trees.values():
+        nodes = list(ast.walk(tree))
+        imports = (node for node in nodes if isinstance(node, ast.ImportFrom))
+        source = {
+            one.asname or one.name: str(node.module) for node in imports for one in node.names
+        }
+        for function in (node for node in nodes if isinstance(node, ast.FunctionDef)):
+            if any("kernel" in ast.unparse(one) for one in function.decorator_list):
+                names = (one.id for one in ast.walk(function) if isinstance(one, ast.Name))
+                used |= {source[name] for name in names if name in source}
+    # Types of arrays are none of Numba's.
+    assert {one for one in used if one.startswith("renew")} - {"renew._types"} <= trees.keys()
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from typing import Self
 import numpy as np
 from shapely.geometry import Polygon
 
-from pipeline._types import BoolArray, FloatArray
+from pipeline._types import BoolArray
 from pipeline.errors import RequestError, naming, refuse_any
 from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
@@ -34,6 +34,7 @@ from pipeline.sources.cf.contents import Contents, find_files, name_of, read_con
 from pipeline.sources.cf.dataset import fatal_files, is_zarr, open_dataset
 from pipeline.sources.cf.fields import (
     FieldReader,
+    Fills,
     SelectedSteps,
     coverage_faults,
     covered_bounds,
@@ -248,31 +249,23 @@ def _credit(contents: Contents) -> Credit:
 _GAP_FAULT_SHARE = 0.2
 # Share of the cells far inland with data above which a shift of the field can't be detected.
 _FILLED_LAND_SHARE = 0.5
-# A value means "no data" if at least this share of the land has it,
-_MIN_FILLER_LAND_SHARE = 0.9
-# and no more than this share of the open water,
-_MAX_FILLER_WATER_SHARE = 0.5
-# or than this one, if it is 0: water may stand still.
-_MAX_ZERO_WATER_SHARE = 0.01
-# So does a large value of a component that at least this share of all cells has,
-_ODD_SHARE = 0.01
-# and so many times as many cells as have any other large value.
-_ODD_COUNTS = 10
-# Values are large above so many times the lower quartile of the component.
-_ODD_SIZE = 6.0
-# Number of different values from which this is judged: a field by formula may have few.
-_LEAST_VALUES = 100
-# Number of cells, of land in the first case, from which this holds of other values than zero.
-_MIN_FILLER_CELLS = 20
+# No current means "no data" if at least this share of the land has none,
+_MIN_STILL_LAND_SHARE = 0.9
+# and no more than this share of the open water: it may stand still.
+_MAX_STILL_WATER_SHARE = 0.01
 
 
 def read_checked_fields(
-    contents: Contents, selected: SelectedSteps, bounds: Bounds, region: Polygon
+    contents: Contents,
+    selected: SelectedSteps,
+    bounds: Bounds,
+    region: Polygon,
+    fills: Fills | None = None,
 ) -> tuple[Field, tuple[Note, ...]]:
     """Read the fields of selected steps, check each in a wide window, and keep its part in bounds.
 
     Returns the fields of all times, and notes on them. Raises RequestError if the file is damaged,
-    or its fields can't be currents of the region.
+    or its fields can't be currents of the region. `fills` are values that mean "no data".
     """
     name = name_of(contents.files)
     window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
@@ -280,16 +273,18 @@ def read_checked_fields(
     inside_y = (window.lat >= bounds[1]) & (window.lat <= bounds[3])
     lon, lat = window.lon[inside_x], window.lat[inside_y]
     mask = LandMask.world()
+    is_land = mask.on_grid(window.lon, window.lat)
+    shores = (is_land, ~plausibility.dilated(is_land, plausibility.OFFSHORE_CELLS))
     kept: list[Field] = []
     try:
-        with FieldReader(contents, window) as reader:
+        with FieldReader(contents, window, shores, fills) as reader:
             first = reader.field(selected.weights[0])
             last = reader.field(selected.weights[-1]) if len(selected.weights) > 1 else first
-            filler, filler_notes = _fillers((first, last), mask)
-            first = _without(first, filler)
+            still, still_notes = _still_land((first, last), *shores)
+            first = _without(first, still)
 
             def fields() -> Iterator[Field]:
-                others = (_without(wide, filler) for wide in reader.fields(selected.weights[1:]))
+                others = (_without(wide, still) for wide in reader.fields(selected.weights[1:]))
                 for wide in itertools.chain([first], others):
                     part = np.ix_(inside_y, inside_x)
                     kept.append(Field(lon, lat, wide.u[part], wide.v[part]))
@@ -303,9 +298,16 @@ def read_checked_fields(
                 assessment = plausibility.assess_sizes(fields(), selected.labels, contents.quantity)
     except ValueError as error:
         raise RequestError(str(error)) from None
+    # A value that was found late means no data at earlier steps, too.
+    if len(reader.fills) > len(fills or {}):
+        return read_checked_fields(contents, selected, bounds, region, reader.fills)
     u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
+    fill_notes = [
+        Note.of("fill-value", name=name, value=value, share=share)
+        for (name, value), share in reader.fills.items()
+    ]
     if not contents.quantity.is_current:
-        return _weather(Field(lon, lat, u, v), assessment, name), ()
+        return _weather(Field(lon, lat, u, v), assessment, name), (*still_notes, *fill_notes)
     field, gap_notes = filled_in_time(Field(lon, lat, u, v), selected.times_s)
     if reader.partly:
         gap_notes += (Note.of("current-means-lack", share=reader.partly),)
@@ -320,7 +322,8 @@ def read_checked_fields(
         reason = "; ".join(assessment.faults)
         raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
     notes = (
-        *filler_notes,
+        *still_notes,
+        *fill_notes,
         *gap_notes,
         *water_without_data(first, mask, region),
         *assessment.doubts(name),
@@ -355,41 +358,21 @@ def _weather(field: Field, assessment: plausibility.Assessment, name: str) -> Fi
     return replace(field, u=u, v=v)
 
 
-def _fillers(fields: Sequence[Field], mask: LandMask) -> tuple[BoolArray | None, tuple[Note, ...]]:
-    """Return the cells (ny, nx) with a value that means "no data", with a note; None without one.
+def _still_land(
+    fields: Sequence[Field], is_land: BoolArray, water: BoolArray
+) -> tuple[BoolArray | None, tuple[Note, ...]]:
+    """Return the cells (ny, nx) without current in all fields, with a note, if they mean "no data".
 
-    Nearly all land has it, mostly zero or a fill value that is not declared, or it is odd. As a
-    current it would move water. A cell must have it in all fields: turning water stands still.
+    Then nearly all land has none. Turning water stands still in some fields only.
     """
-    parts = np.stack([(field.u, field.v) for field in fields])
-    is_land = mask.on_grid(fields[0].lon, fields[0].lat)
-    water = ~plausibility.dilated(is_land, plausibility.OFFSHORE_CELLS)
-    if not is_land.any() or not water.any():
-        return _odd_cells(parts)
-    # What nearly all cells have is the middle one's.
-    middle = np.sort(parts[..., is_land])[..., is_land.sum() // 2]
-    filler = (parts == middle[..., None, None]).all(axis=(0, 1))
-    is_rare = filler[is_land].mean() < _MIN_FILLER_LAND_SHARE
-    is_chance = middle.any() and is_land.sum() < _MIN_FILLER_CELLS
-    most = _MAX_FILLER_WATER_SHARE if middle.any() else _MAX_ZERO_WATER_SHARE
-    if is_rare or is_chance or filler[water].mean() > most:
-        return _odd_cells(parts)
-    return filler, (Note.of("filler-is-land", speed_m_s=float(np.hypot(*middle[0]))),)
-
-
-def _odd_cells(parts: FloatArray) -> tuple[BoolArray | None, tuple[Note, ...]]:
-    """Return the cells (ny, nx) with one odd value in all fields (nf, 2, ny, nx) of a component."""
-    found = np.zeros(parts.shape[2:], dtype=bool)
-    for part in np.swapaxes(parts, 0, 1):
-        values, counts = np.unique(part[0][np.isfinite(part[0])], return_counts=True)
-        if len(values) < _LEAST_VALUES:
-            continue
-        counts[np.abs(values) <= _ODD_SIZE * np.quantile(np.abs(values.repeat(counts)), 0.25)] = 0
-        second, most = np.sort(counts)[-2:]
-        if most >= max(_MIN_FILLER_CELLS, _ODD_SHARE * found.size, _ODD_COUNTS * second):
-            found |= (part == values[counts.argmax()]).all(axis=0)
-    notes = (Note.of("filler-in-water", share=float(found.mean())),)
-    return (found, notes) if found.any() else (None, ())
+    still = np.all([(field.u == 0) & (field.v == 0) for field in fields], axis=0)
+    if (
+        not (is_land.any() and water.any())
+        or still[is_land].mean() < _MIN_STILL_LAND_SHARE
+        or still[water].mean() > _MAX_STILL_WATER_SHARE
+    ):
+        return None, ()
+    return still, (Note.of("filler-is-land"),)
 
 
 def _without(field: Field, cells: BoolArray | None) -> Field:
@@ -489,14 +472,10 @@ class CfMembers(CurrentSource):
         weights /= weights.sum()
         notes = dict.fromkeys(note for _, grid, _ in used for note in grid.notes)
         # A mean has no value where any member has none.
-        u, v = (
-            np.tensordot(weights, np.array([getattr(grid, part) for _, grid, _ in used]), axes=1)
-            for part in "uv"
-        )
         return replace(
             used[0][1],
-            u=u,
-            v=v,
+            u=np.tensordot(weights, np.array([grid.u for _, grid, _ in used]), axes=1),
+            v=np.tensordot(weights, np.array([grid.v for _, grid, _ in used]), axes=1),
             members=tuple(
                 MemberGrid(name, grid.u, grid.v, float(weight))
                 for (name, grid, _), weight in zip(used, weights, strict=True)

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -421,22 +422,25 @@ def _contents(
     with naming(name_of(files)):
         contents = _combined(files, datasets, *components_of, notes)
         frame = _frame(pair, contents, datasets)
-    told = tuple(_frame_notes(pair, frame, is_on_axes=isinstance(contents.grid, Axes)))
+    is_on_axes = isinstance(contents.grid, Axes)
+    told = tuple(_frame_notes(pair, frame, quantity, is_on_axes=is_on_axes))
     return replace(contents, frame=frame, notes=(*contents.notes, *told))
 
 
-def _frame_notes(pair: _Pair, frame: Frame, *, is_on_axes: bool) -> Iterator[Note]:
+def _frame_notes(
+    pair: _Pair, frame: Frame, quantity: Quantity, *, is_on_axes: bool
+) -> Iterator[Note]:
     """Note what the components of a pair are taken for, if nothing proves it."""
     (standard, east), (_, north) = pair
+    taken = partial(Note.of, "pair-taken", quantity=quantity.name, names=(east, north))
     if is_on_axes and re.search(r"(_|^)x_", standard):
         why = (
             f"as east and north, although {standard} is along a grid's own lines: wrong by the "
             "angle of a turned grid, if it was put on this one without turning them"
         )
-        yield Note.of("pair-taken", u=east, v=north, why=(why,))
+        yield taken(why=(why,))
     if frame in {"to", "from"}:
-        why = f"as the speed and the direction {frame} which the water runs"
-        yield Note.of("pair-taken", u=east, v=north, why=(why,))
+        yield taken(why=(f"as the speed and the direction {frame} which it moves",))
 
 
 def _frame(pair: _Pair, contents: Contents, datasets: dict[Path, Dataset]) -> Frame:
@@ -492,9 +496,10 @@ def _find_pair(
             raise ValueError(f"it has no variable {', '.join(lacking)}, but {', '.join(listed)}")
         named = (by_name[asked[0]], by_name[asked[1]])
         _refuse_other(named, said)
-        return named, tuple(_notes(named, said, (), is_asked=True))
+        return named, tuple(_notes(named, said, (), quantity, is_asked=True))
     if not quantity.is_current:
-        return _found(set(said), listed, quantity), ()
+        pair = _found(said, listed, quantity)
+        return pair, tuple(_notes(pair, said, (), quantity))
     water = {of for of, texts in said.items() if not any(map(_is_other, texts))}
     pairs = list(_pairs(water, quantity))
     if not pairs:
@@ -510,19 +515,30 @@ def _find_pair(
     text = {of: " ".join((of[1], *texts)).lower() for of, texts in said.items()}
     pair = max(pairs, key=lambda candidate: bool(re.search(_SUM, text[candidate[0]])))
     also = {of for of in said if re.search(_MOVES, text[of]) and not re.search(_NO_WATER, text[of])}
-    return pair, tuple(_notes(pair, said, sorted({*also, *itertools.chain(*pairs)} - {*pair})))
+    return pair, tuple(
+        _notes(pair, said, sorted({*also, *itertools.chain(*pairs)} - {*pair}), quantity)
+    )
 
 
-def _found(variables: set[_Variable], listed: Sequence[str], quantity: Quantity) -> _Pair:
+def _found(
+    said: Mapping[_Variable, Sequence[str]], listed: Sequence[str], quantity: Quantity
+) -> _Pair:
     """Return the first pair of a quantity that is no current; ValueError without one.
 
-    A name that its files mostly have is enough, whatever standard name stands with it.
+    A name that its files mostly have is enough, whatever standard name stands with it. So is that
+    the file calls one variable the quantity's first component, and one its second.
     """
-    bare = {("", name): (standard, name) for standard, name in variables}
-    for pair in _pairs(variables, quantity):
+    bare = {("", name): (standard, name) for standard, name in said}
+    for pair in _pairs(set(said), quantity):
         return pair
     for first, second in _pairs(set(bare), quantity):
         return bare[first], bare[second]
+    called = [
+        [of for of, texts in said.items() if re.search(words, " ".join(texts), re.IGNORECASE)]
+        for words in quantity.called
+    ]
+    if [len(each) for each in called] == [1, 1]:
+        return called[0][0], called[1][0]
     names = dict.fromkeys(itertools.chain(*quantity.standard_names[:1]))
     own = ", ".join("/".join(dict.fromkeys(pair)) for pair in quantity.variable_names[:_MAX_GROUPS])
     raise ValueError(
@@ -574,21 +590,27 @@ def _notes(
     pair: _Pair,
     said: Mapping[_Variable, Sequence[str]],
     also: Sequence[_Variable],
+    quantity: Quantity,
     *,
     is_asked: bool = False,
 ) -> Iterator[Note]:
     """Note why a pair was taken, what the file calls it, and what kind of current it is."""
     (standard, u), (_, v) = pair
+    known = standard in itertools.chain(*quantity.standard_names, *quantity.polar_names)
+    is_told = not known or (quantity.is_current and re.search(_TOLD, "; ".join(said[pair[0]])))
     called = "; ".join(said[pair[0]][bool(standard) :])
     why = {
         "as asked": is_asked,
-        "by their names alone, as they have no standard name": not standard and not is_asked,
-        f"which the file calls {called!r}": called and (not standard or re.search(_TOLD, called)),
+        "by their names alone, as they have no standard name": not known and not is_asked,
+        f"which the file calls {called!r}": called and is_told,
         f"not {', '.join(name for _, name in also)}": also,
     }
     if any(why.values()):
         yield Note.of(
-            "pair-taken", u=u, v=v, why=tuple(text for text, holds in why.items() if holds)
+            "pair-taken",
+            quantity=quantity.name,
+            names=tuple(dict.fromkeys((u, v))),
+            why=tuple(text for text, holds in why.items() if holds),
         )
     if "geostrophic" in standard or u == "ugos":
         yield Note.of("current-geostrophic")

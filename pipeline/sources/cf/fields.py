@@ -15,7 +15,7 @@ from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from itertools import groupby, islice
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -368,14 +368,65 @@ def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
     return common_bounds(region, cell_bounds(around.lon, around.lat, cell))
 
 
+Fills: TypeAlias = Mapping[tuple[str, float], float]
+"""Values of variables that mean "no data", each with the largest share of a field that has it."""
+Shores: TypeAlias = tuple[BoolArray, BoolArray]
+"""Which nodes (ny, nx) of a window are land, and which open water."""
+
+# A value other than 0 means "no data" if at least this share of the land has it,
+_FILL_LAND_SHARE = 0.9
+# and no more than this share of the open water,
+_FILL_WATER_SHARE = 0.5
+# or if it is large, and at least this share of all points has it,
+_FILL_SHARE = 0.01
+# and so many times as many as have any other large value.
+_FILL_COUNTS = 10
+# Values are large above so many times the lower quartile.
+_FILL_SIZE = 6.0
+# Least number of points, of land in the first case, from which this holds,
+_FILL_POINTS = 20
+# and of different values in the second: a field by formula may have few.
+_LEAST_VALUES = 100
+
+
+def _fill_value(values: FloatArray, shores: Shores | None) -> float:
+    """Return the value that means "no data" in a field, as nothing else explains it; NaN for none.
+
+    As a current it would move water.
+    """
+    if shores is not None and shores[0].sum() >= _FILL_POINTS and shores[1].any():
+        is_land, water = shores
+        # What nearly all land has is the middle one's.
+        has_it = values == (middle := np.sort(values[is_land])[is_land.sum() // 2])
+        shares = has_it[is_land].mean(), has_it[water].mean()
+        if middle and shares[0] >= _FILL_LAND_SHARE and shares[1] <= _FILL_WATER_SHARE:
+            return float(middle)
+    known, least = values[np.isfinite(values)], max(_FILL_POINTS, _FILL_SHARE * values.size)
+    if known.size < least:
+        return np.nan
+    large = np.abs(known) > _FILL_SIZE * np.quantile(np.abs(known), 0.25)
+    found, counts = np.unique(known[large], return_counts=True)
+    *_, second, most = (0, 0, *np.sort(counts))
+    is_odd = most >= max(least, _FILL_COUNTS * second) and np.unique(known).size >= _LEAST_VALUES
+    return float(found[counts.argmax()]) if is_odd else np.nan
+
+
 class FieldReader:
     """Reads fields of a window, one after the other; a context manager that closes the files.
 
-    The files read last stay open, as most often they hold the next field as well.
+    The files read last stay open, as most often they hold the next field as well. `fills` are
+    values that mean "no data", to which those are added that are found on the way.
     """
 
-    def __init__(self, contents: Contents, window: Window) -> None:
-        self._contents, self._window = contents, window
+    def __init__(
+        self,
+        contents: Contents,
+        window: Window,
+        shores: Shores | None = None,
+        fills: Fills | None = None,
+    ) -> None:
+        self._contents, self._window, self._shores = contents, window, shores
+        self.fills = dict(fills or {})
         self._open: dict[Path, Dataset] = {}
         self._dry: dict[Component, BoolArray] = {}
         # Largest share of the nodes of which a mean lacks some of its steps.
@@ -496,6 +547,15 @@ class FieldReader:
             if component not in self._dry:
                 self._dry[component] = self._dry_points(component, component.grid)
             values[:, self._dry[component]] = np.nan
+        if self._contents.frame in {"to", "from"} and component.name == self._contents.v[0][0].name:
+            return values
+        shores = self._shores if isinstance(component.grid, Axes) else None
+        for field in values:
+            if np.isfinite(fill := _fill_value(field, shores)):
+                key, share = (component.name, fill), float((field == fill).mean())
+                self.fills[key] = max(share, self.fills.get(key, 0.0))
+        fills = [value for name, value in self.fills if name == component.name]
+        values[np.isin(values, fills)] = np.nan
         return values
 
     def _as_stored(self, component: Component, steps: Sequence[int]) -> FloatArray:

@@ -554,7 +554,7 @@ def find_cells(path: Path) -> tuple[Path, ...]:
     """
     bases = base_files(path)
     if not bases:
-        raise RequestError(f"{path} holds no S-57 cell (.000 file): name the folder of the cells")
+        raise RequestError(f"{path} holds no S-57 cell (.000): name their folder, or a vector file")
     twice = [name for name, count in Counter(file.stem for file in bases).items() if count > 1]
     where = f"in {path}; keep the latest"
     refuse_any([f"cell {name} is there more than once {where}" for name in twice])

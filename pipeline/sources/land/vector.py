@@ -365,12 +365,12 @@ class VectorFile:
         thin = parts[dimension < _AREA]
         if len(thin) and self.source.radius_m is None:
             counts = [
-                f"{count:,} {name}"
-                for kind, name in ((_POINT, "points"), (_LINE, "lines"))
+                f"{count:,} {name}{'s' * (count > 1)}"
+                for kind, name in ((_POINT, "point"), (_LINE, "line"))
                 if (count := int((dimension == kind).sum()))
             ]
             raise RequestError(
-                f"{self.path} has {' and '.join(counts)} near the region, which are not areas: "
+                f"{self.path} has {' and '.join(counts)} near the region, where areas are needed: "
                 "make polygons of them, or give the radius that is no-go around them, as "
                 f'{self.path.name},radius=20m or in a scenario {{ path = "{self.path.name}", '
                 "radius_m = 20 }"
@@ -435,8 +435,9 @@ def _lonlat(path: Path, points: Sequence[shapely.Geometry | None], crs: str | No
     """Return places (n, 2), degrees; a file that states no CRS is in degrees."""
     kinds = {"nothing" if point is None or point.is_empty else point.geom_type for point in points}
     if not points or kinds != {"Point"}:
-        listed = ", ".join(sorted(kinds - {"Point"})) or "no feature"
-        raise _fault(path, f"has {listed} in place of points; {_REMEDY}")
+        listed = ", ".join(sorted(kinds - {"Point"}))
+        what = f"has {listed} in place of points" if listed else "has no points"
+        raise _fault(path, f"{what}; {_REMEDY}")
     if len(points) > _MOST:
         raise _fault(path, f"has {len(points):,} havens; give at most {_MOST}")
     places = shapely.get_coordinates(np.array(points, dtype=object))

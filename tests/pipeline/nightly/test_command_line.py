@@ -1,7 +1,5 @@
 """`renew nightly` as it is called: exit codes, and a line for each fault."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path
@@ -81,54 +79,37 @@ def test_a_wrong_request(tmp_path: Path, command: str, cases: str, said: str) ->
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("seasons", "key"), [("", "scenario"), ('seasons = ["tide"]', "seasons")])
-def test_a_season_that_leaves_its_departure_open_is_refused(
-    tmp_path: Path, seasons: str, key: str
-) -> None:
-    (tmp_path / "tide.toml").write_text(
-        """
-schema_version = 1
-name = "tide"
-vessel = "usv-7m"
-start = [119.1, 9.5]
-goal = [120.1, 9.5]
-
-[[seasons]]
-name = "tide"
-time_method = "changing"
+_OPEN = """time_method = "changing"
 departures = { first = 2026-11-22T06:00:00Z, every = "1h", count = 3 }
 currents = ["./tide.nc"]
 """
-    )
-    file = write_night(tmp_path, f'scenario = "./tide.toml"\n{seasons}\n')
-    result = renew("check", "--config", file, "--output", tmp_path / "out")
-    assert result.exit_code == 2
-    (line,) = faults(result)
-    assert f"cases[0].{key}: season 'tide' of tide leaves its departure open" in line
-
-
-def test_a_season_with_a_choice_of_speeds_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "fast.toml").write_text(
-        """
-schema_version = 1
-name = "fast"
-vessel = "usv-7m"
-start = [119.1, 9.5]
-goal = [120.1, 9.5]
-
-[[seasons]]
-name = "calm"
-currents = ["still"]
+_CHOSEN = """currents = ["still"]
 departure = 2026-11-22T06:00:00Z
 arrive_by = 2026-11-23T06:00:00Z
 speed = { least = 2.0, most = 6.0 }
 """
+
+
+@pytest.mark.parametrize(
+    ("season", "cases", "said"),
+    [
+        (_OPEN, "", "scenario: season 'tide' of asked leaves its departure open"),
+        (_OPEN, 'seasons = ["tide"]', "seasons: season 'tide' of asked leaves its departure open"),
+        (_CHOSEN, "", "scenario: season 'tide' of asked has 'speed'"),
+    ],
+)
+def test_a_season_that_leaves_its_departure_open_or_chooses_its_speed_is_refused(
+    tmp_path: Path, season: str, cases: str, said: str
+) -> None:
+    (tmp_path / "asked.toml").write_text(
+        'schema_version = 1\nname = "asked"\nvessel = "usv-7m"\nstart = [119.1, 9.5]\n'
+        f'goal = [120.1, 9.5]\n[[seasons]]\nname = "tide"\n{season}'
     )
-    file = write_night(tmp_path, 'scenario = "./fast.toml"\n')
+    file = write_night(tmp_path, f'scenario = "./asked.toml"\n{cases}\n')
     result = renew("check", "--config", file, "--output", tmp_path / "out")
     assert result.exit_code == 2
     (line,) = faults(result)
-    assert "cases[0].scenario: season 'calm' of fast has 'speed'" in line
+    assert f"cases[0].{said}" in line
 
 
 def test_all_faults_at_once(tmp_path: Path) -> None:

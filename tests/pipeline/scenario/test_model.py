@@ -1,7 +1,5 @@
 """The scenario's models agree with the planner, and describe each of their keys."""
 
-from __future__ import annotations
-
 import dataclasses
 import tomllib
 from datetime import timedelta
@@ -221,8 +219,8 @@ def test_the_planners_ranges_are_those_of_plan() -> None:
 
 def test_the_vessels_limits_are_accepted_by_the_planner() -> None:
     schema = VesselSpec.model_json_schema()["properties"]
-    keys = ("length_m", "speed_m_s", "turn_rate_deg_s", "fuel_coefficient", "fuel_exponent")
-    largest = {key: float(schema[key]["maximum"]) for key in keys}
+    keys = ("length_m", "speed_m_s", "fuel_coefficient", "fuel_exponent")
+    largest = {key: float(schema[key]["maximum"]) for key in keys} | {"turn_rate_deg_s": 1.0}
     assert planner_vessel(VesselSpec.model_validate(largest)).length == largest["length_m"]
     for key in keys:
         with pytest.raises(ValidationError):

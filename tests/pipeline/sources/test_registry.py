@@ -1,7 +1,5 @@
 """The choice of a source by its name; embedded tables and still water."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 
@@ -124,7 +122,9 @@ def test_a_season_that_is_named_by_its_month_has_the_monsoons_currents() -> None
         assert np.array_equal(grid.u, same.u, equal_nan=True)
         assert table.identity(named(month)) == table.identity(season(monsoon))
         assert table.covered_bounds(region, named(month)) == region.bounds
-    assert "has no season '2024-05'" in table.uncovered_reason(region, named("2024-05"))
+    assert "no season '2024-05', but summer (months 6, 7" in table.uncovered_reason(
+        region, named("2024-05")
+    )
     assert table.covered_bounds(region, named("2024-05")) is None
 
 

@@ -1,7 +1,5 @@
 """Stations of the tide: their files, heights beside other libraries, and where each counts."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
@@ -302,6 +300,7 @@ def test_distances_are_those_of_the_shortest_way_round_a_spit(spit: shapely.Poly
     boxes, places, apart = distances_by_water(stations, EXTENT, np.array([spit]))
     water = shapely.difference(EXTENT, spit)
     assert shapely.difference(water, shapely.union_all(boxes)).area < 1e-3
+    places, apart = places[::3], apart[:, ::3]
     exact = np.array([[way(one, place, spit) for place in places] for one in stations])
     assert (apart >= exact - 1e-6).all()
     assert (apart <= 1.03 * exact + 3 * CELL).all()

@@ -1,7 +1,5 @@
 """Via points and shut areas of a scenario: planned, noted, drawn with their hours; or refused."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace
@@ -20,6 +18,7 @@ from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Anchorage
 from pipeline.stages.places import avoided_zones
+from pipeline.stages.region import require_whole_files
 from tests.pipeline.formats import small_run
 from tests.pipeline.voyage.waters import scenario_of, write_tide
 
@@ -109,6 +108,19 @@ def test_the_clock_of_an_area_begins_with_the_departure_that_was_chosen() -> Non
     assert (moved.begin, moved.end) == (100.0, 700.0)
     assert always.is_always_shut
     assert later.name == "later"
+
+
+@pytest.mark.parametrize("has_region", [False, True])
+def test_a_stop_in_an_area_that_is_always_shut_is_found_before_a_run(
+    tmp_path: Path, *, has_region: bool
+) -> None:
+    calm = [{"name": "calm", "currents": ["still"]}]
+    data = scenario_data(tmp_path, avoid=[{"path": "range.geojson"}], seasons=calm)
+    if not has_region:
+        del data["region"]
+    require_whole_files(parse_scenario(data, tmp_path))
+    with pytest.raises(RequestError, match=r"via\[0\] = .* lies in area 'range' .*; move it out"):
+        require_whole_files(parse_scenario(data | {"via": [[-40.0, 35.04]]}, tmp_path))
 
 
 def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Wind and waves over a limit: water shut for hours, figures, notes; or one clear line."""
 
-from __future__ import annotations
-
 import csv
 import re
 from dataclasses import replace
@@ -75,7 +73,7 @@ def found(folder: Path, limits: dict[str, Any] | None, **asked: object) -> RunRe
 
 def window(file: str = "waves.nc", wave_m: float = 1.2) -> dict[str, Any]:
     """Limits, and a season that leaves within some hours."""
-    departures = {"first": DEPARTURE, "every": "1h", "count": 5}
+    departures = {"first": DEPARTURE, "every": "2h", "count": 3}
     season = {"name": "still", "currents": ["still"], "departures": departures}
     return {"limits": {"waves": [file], "wave_m": wave_m}, "seasons": [season]}
 

@@ -1,7 +1,5 @@
 """`renew check-route` says of our own files what they say, and of a way over land where it lies."""
 
-from __future__ import annotations
-
 import json
 from datetime import UTC, datetime
 from pathlib import Path
@@ -160,6 +158,8 @@ def test_a_way_across_the_island_is_named_with_place_and_metres(
     assert found["nearest"] is None
     assert found["turns_meet_land_from"]
     assert found["best"]["fuel"] > 0
+    assert found["same_side"] is None
+    assert "of its side" not in result.stdout
 
 
 def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_path: Path) -> None:
@@ -181,7 +181,11 @@ def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_p
         ("a.kml", "<kml/>", "no route, track or line"),
         ("a.json", "[" * 100_000, "nested too deep"),
         ("a.json", '{"type": "Point", "coordinates": [1, 2]}', "no route, track or line"),
-        ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 95]]}', "latitude 95"),
+        (
+            "a.json",
+            '{"type": "LineString", "coordinates": [[1, 2], [1, 95]]}',
+            "latitude 95, which is not on earth: give degrees",
+        ),
         ("a.json", '{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "all at one place"),
         ("a.json", '{"type": "LineString", "coordinates": [[1, "x"], [1, 2]]}', "is damaged"),
         ("a.json", '{"type": "LineString", "coordinates": [[1], [2]]}', "is damaged"),

@@ -1,7 +1,5 @@
 """Positions, quantities, months and vessels as people write them."""
 
-from __future__ import annotations
-
 import math
 import re
 from datetime import date, timedelta
@@ -280,7 +278,7 @@ def test_a_file_has_the_keys_of_an_entry(tmp_path: Path) -> None:
     assert all(str(file) in line for line in found)
 
 
-@given(st.floats(1, 60), st.floats(10, 5000))
+@given(st.floats(1, 60), st.floats(200, 5000))
 def test_the_vessel_turns_on_the_circle_that_is_given(speed_kn: float, circle_m: float) -> None:
     speed, circle = f"{speed_kn:.3f}kn", f"{circle_m:.3f}m"
     vessel = vessel_of(speed=speed, length="90m", turning_circle=circle, draught="4m")
@@ -289,6 +287,16 @@ def test_the_vessel_turns_on_the_circle_that_is_given(speed_kn: float, circle_m:
     circumference = vessel.speed_m_s * 360 / vessel.turn_rate_deg_s
     assert circumference == pytest.approx(math.pi * round(circle_m, 3))
     assert (vessel.length_m, vessel.draught_m) == (90, 4)
+
+
+def test_a_vessel_beyond_physics_is_refused() -> None:
+    (fault,) = faults(speed="500kn", length="9m", turning_circle="1m")
+    assert fault.startswith("speed_m_s = 257.2")
+    assert fault.endswith("is above 42; give the speed through water in m/s (--speed)")
+    for circle, what in (("5m", "5 m with 4.3 g"), ("400km", "4e+05 m with 5.4e-05 g")):
+        (fault,) = faults(speed="20kn", length="9m", turning_circle=circle)
+        assert f"which no vessel does: that is a circle of {what}" in fault
+        assert "turn_rate_deg_s (--turning-circle)" in fault
 
 
 def test_all_faults_are_reported_at_once() -> None:

@@ -1,7 +1,5 @@
 """The scenario of a one-line request."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -199,6 +197,17 @@ FAULTS_OF_TIMES = [
         ["--arrive-by 2026-11-23T06:00 has no zone", "--arrive-by needs --depart"],
     ),
     ({"depart": "soon", "currents": ("still",)}, ["soon is not a time"]),
+    (
+        {"via": ("119E 11N wait 6h",), "until": "2026-11-23T06:00Z"},
+        ["a wait in --via together with --until: the wait leaves a time to choose"],
+    ),
+    ({"currents": ("still", _HOURLY)}, ["names other currents after 'still'"]),
+    ({"members": "files", "currents": ("still",)}, ["--members are those of files; add"]),
+    ({"depart": "", "currents": (), "months": ("2026-13",)}, ["--month 2026-13 is not a month"]),
+    (
+        {"via": ("119E 11N wait 6h",), "currents": ("still",)},
+        ["a wait in --via waits for nothing: give --depart"],
+    ),
 ]
 RANGE = dict(PALAWAN, speed="4..9kn", **TIMES)
 FAULTS_OF_RANGES = [
@@ -212,6 +221,10 @@ FAULTS_OF_RANGES = [
         ["begins above its end", "add --arrive-by", "--until looks for the best departure"],
     ),
     ({"until": "2026-11-23T06:00Z"}, ["--until looks for the best departure"]),
+    (
+        {"members": "0.1m/s", "months": ("2026-11",)},
+        ["--members together with --arrive-by and --speed LEAST..MOST: each member has times"],
+    ),
 ]
 
 

@@ -1,10 +1,9 @@
 """Ways past wind and waves over a limit: never in them, and as early as an oracle's."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -97,6 +96,8 @@ def planned(*gates: OverLimit) -> renew.Plan:
 def test_a_gate_that_stays_shut_is_named_with_its_hours() -> None:
     with pytest.raises(renew.UnreachableError, match=r"waves of up to 2\.0 m from 0 s until 5000"):
         planned(gate(0.0, 5_000.0, 95.0))
+    unknown = replace(gate(0.0, 5_000.0, 95.0), name="wind", most=math.inf)
+    assert str(unknown.text(0.0)).startswith("water with unknown wind from 0 s")
 
 
 def test_a_start_that_is_shut_is_refused_without_a_search(monkeypatch: pytest.MonkeyPatch) -> None:

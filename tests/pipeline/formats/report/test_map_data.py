@@ -1,7 +1,5 @@
 """What the page's map gets, and how it is encoded."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from typing import Any

@@ -5,9 +5,8 @@ Each form is written with its own points: on axes, with index dimensions, with 2
 turned and curved grid, staggered, on triangles, and as S-111.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +169,7 @@ def staggered(step: float) -> xr.Dataset:
     return _with_time(xr.Dataset(variables, coordinates))
 
 
+@cache
 def _triangles(step: float) -> tuple[FloatArray, FloatArray, Any]:
     """Return nodes in no order, and the triangles between them."""
     rng = np.random.default_rng(1)

@@ -1,7 +1,5 @@
 """The user's own files are read and checked, and used or refused by the command line."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -107,31 +105,24 @@ def test_the_grid_is_the_region_with_a_margin(tmp_path: Path, palawan: Field) ->
     assert credit.url == "https://doi.org/10.1234/abc.def"
 
 
-# The last two are 10 m/s and less: no limit of speed finds them.
-@pytest.mark.parametrize("filler", [0.0, 9999.0, -3.2768, -1.0])
-def test_one_value_on_land_is_gaps(tmp_path: Path, palawan: Field, filler: float) -> None:
-    u, v = (np.nan_to_num(part, nan=filler) for part in (palawan.u, palawan.v))
+# Most are 10 m/s and less: no limit of speed finds them.
+@pytest.mark.parametrize(
+    ("filler", "names"),
+    [(0.0, ""), (9999.0, ""), (-3.2768, ""), (-1.0, ""), (-3.2768, "uv"), (-3.2768, "u")],
+)
+def test_one_value_is_gaps(tmp_path: Path, palawan: Field, filler: float, names: str) -> None:
+    """All land has it, or the whole west of the water, where these components have it."""
+    u, v = palawan.u.copy(), palawan.v.copy()
+    for part in (u, v)[: len(names) or 2]:
+        where = part[:, : palawan.lon.size // 12] if names else part
+        where[np.isfinite(where) == bool(names)] = filler
     data = dataset(Field(palawan.lon, palawan.lat, u, v))
     data.attrs = {}
     grid = current(write(tmp_path / "filled.nc", data))
     x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
     assert np.array_equal(grid.u[0], palawan.u[np.ix_(y, x)], equal_nan=True)
-    speed_m_s = float(np.hypot(filler, filler))
-    assert Note.of("filler-is-land", speed_m_s=speed_m_s) in grid.notes
+    assert ("fill-value" if filler else "filler-is-land") in {one.kind for one in grid.notes}
     assert grid.credit.name == "filled.nc, user's file"
-
-
-@pytest.mark.parametrize("names", ["uv", "u"])
-def test_a_fill_value_over_much_water_is_gaps(tmp_path: Path, palawan: Field, names: str) -> None:
-    """The whole west is filled with a value that is no damaged speed, and land is a gap."""
-    u, v = palawan.u.copy(), palawan.v.copy()
-    for part in (u, v)[: len(names)]:
-        west = part[:, : palawan.lon.size // 12]
-        west[np.isfinite(west)] = -3.2768
-    grid = current(write(tmp_path / "a.nc", dataset(Field(palawan.lon, palawan.lat, u, v))))
-    assert "filler-in-water" in {one.kind for one in grid.notes}
-    x, y = np.searchsorted(palawan.lon, grid.lon), np.searchsorted(palawan.lat, grid.lat)
-    assert np.array_equal(grid.u[0], palawan.u[np.ix_(y, x)], equal_nan=True)
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])

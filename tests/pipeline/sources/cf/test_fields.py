@@ -1,7 +1,5 @@
 """Fields of the user's files: a window of them, their steps, forecasts that overlap."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -443,7 +441,28 @@ def test_zeros_on_land_are_gaps_at_all_times(tmp_path: Path, steps: list[Field])
     grid = fetched(season(max_hours=20), write(tmp_path / "zeros.nc", hourly(zeros)))
     single = fetched(season(max_hours=20), write(tmp_path / "gaps.nc", hourly(steps)))
     assert np.array_equal(grid.u, single.u, equal_nan=True)
-    assert Note.of("filler-is-land", speed_m_s=0.0) in grid.notes
+    assert Note.of("filler-is-land") in grid.notes
+
+
+@pytest.mark.parametrize(
+    "asked", [season(2.5, max_hours=12), Season(name="mean", valid="2026-11", currents=("./x.nc",))]
+)
+def test_a_fill_value_at_some_times_is_no_data_at_any(
+    tmp_path: Path, steps: list[Field], asked: Season
+) -> None:
+    data, true = hourly(steps), hourly(steps)
+    for hour, columns in ((4, slice(18, 20)), (6, slice(10, 30))):  # at 4 h too few to tell
+        for file, value in ((data, -3.2768), (true, np.nan)):
+            file.uo[hour, 22:26, columns] = np.where(
+                np.isnan(steps[0].u[22:26, columns]), np.nan, value
+            )
+    given, right = (
+        fetched(asked, write(tmp_path / f"{i}.nc", file)) for i, file in enumerate((data, true))
+    )
+    assert np.array_equal(given.u, right.u, equal_nan=True)
+    assert {note.kind for note in given.notes} == {"fill-value"} | {
+        note.kind for note in right.notes
+    }
 
 
 # --- Two forecasts under one pattern: the later one counts in its span, and that is said ---

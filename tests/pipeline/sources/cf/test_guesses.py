@@ -1,7 +1,5 @@
 """Nothing is guessed in silence: each file is right, or it is said, or refused with a remedy."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -91,7 +89,7 @@ PUBLISHED: dict[str, tuple[str, tuple[str, str], int]] = {
     "oscar-v2/oscar2.nc": ("though the file calls it julian", _HOURLY, 0),
     "hf-radar/hfr.nc": ("filled from the times before", _HOURLY, 2),
     "series/one_cell_gap.nc": ("read as instants", _HOURLY, 2),
-    "grib/dir_speed_1.grb": ("the direction to which the water runs", _HOURLY, 2),
+    "grib/dir_speed_1.grb": ("the direction to which it moves", _HOURLY, 2),
 }
 # What interpolation between nodes of a turned grid, gaps that are filled from one step, and the
 # rounding of a direction may change, m/s.

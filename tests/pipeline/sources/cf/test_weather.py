@@ -1,7 +1,5 @@
 """Wind, gusts and waves in files as people have them: one reader reads all, or says why not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ import xarray as xr
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
+from pipeline.findings.note_words import note_text
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
@@ -94,6 +93,18 @@ def test_every_format_gives_the_values_that_were_written(
         np.testing.assert_allclose(grid.v, expected(grid, 1), atol=1e-5)
     else:
         assert not grid.v.any(), "it has no direction"
+
+
+def test_a_wind_is_known_by_what_the_file_calls_it_and_that_is_said(tmp_path: Path) -> None:
+    data = fields("wind", standard=False).rename(u10="u", v10="v")
+    for name in "uv":
+        data[name].attrs["long_name"] = f"10 metre {name.upper()} wind component"
+    data.to_netcdf(tmp_path / "era5.nc", engine="netcdf4")
+    grid = read(tmp_path / "era5.nc", WIND)
+    np.testing.assert_array_equal(grid.v, expected(grid, 1))
+    (told,) = (note for note in grid.notes if note.kind == "pair-taken")
+    assert told.is_decision
+    assert note_text(told).startswith("the wind is u and v of the file, by their names alone")
 
 
 @pytest.mark.parametrize(

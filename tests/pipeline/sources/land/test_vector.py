@@ -1,7 +1,5 @@
 """Land from the user's files: the same in any format and CRS, and nothing is guessed."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -198,7 +196,7 @@ def test_invalid_rings_are_repaired_and_reported(tmp_path: Path) -> None:
 def test_points_and_lines_need_a_radius(tmp_path: Path) -> None:
     rock, wall = shapely.Point(119.5, 10.5), shapely.LineString([(119.6, 9.2), (119.6, 9.3)])
     file = write(tmp_path / "marks.geojson", rock, wall, ISLAND)
-    with pytest.raises(RequestError, match=r"1 points and 1 lines near.*radius_m = 20"):
+    with pytest.raises(RequestError, match=r"1 point and 1 line near.*radius_m = 20"):
         land(file)
     found = land(file, radius_m=30.0)
     area, _ = GEOD.geometry_area_perimeter(shapely.intersection(found, rock.buffer(0.01)))
@@ -403,7 +401,7 @@ BAD: dict[str, tuple[object, list[str]]] = {
     "all far too large": (polygon([[1e12, 1e12]] * 4), ["feature 1 lies in 1e+12 to 1e+12"]),
     "a point without a radius": (
         nested({"type": "Point", "coordinates": [119.8, 10.8]}, 4),
-        ["1 points near the region", "radius_m"],
+        ["1 point near the region", "radius_m"],
     ),
 }
 
