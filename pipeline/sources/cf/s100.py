@@ -10,12 +10,13 @@ import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from pipeline._types import Dataset, FloatArray, IndexArray
 
+Group: TypeAlias = Any  # of h5py, which has no types
 _HDF5 = b"\x89HDF"
 # Attributes by the CF conventions of what features hold, by its code.
 _VARIABLES: Mapping[str, Mapping[str, str]] = {
@@ -138,16 +139,13 @@ def _text(value: Any) -> str:  # noqa: ANN401 - bytes or str, as h5py gives eith
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _groups(instance: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
+def _groups(instance: Group) -> list[Group]:
     """Return the groups of an instance with the values, one for each time."""
     return [instance[name] for name in sorted(instance) if name.startswith("Group_")]
 
 
 def _variables(
-    file: Any,  # noqa: ANN401 - h5py has no types
-    feature: str,
-    instance: Any,  # noqa: ANN401 - as above
-    coding: int,
+    file: Group, feature: str, instance: Group, coding: int
 ) -> dict[str, tuple[FloatArray, dict[str, str]]]:
     """Return the values (time, ...) of each known code, as they are stored, with attributes."""
     stated = {_text(row["code"]): row for row in file["Group_F"][feature][:]}
@@ -178,9 +176,7 @@ def _variables(
 
 
 def _places(
-    file: Any,  # noqa: ANN401 - h5py has no types
-    instance: Any,  # noqa: ANN401 - as above
-    coding: int,
+    file: Group, instance: Group, coding: int
 ) -> tuple[tuple[str, ...], tuple[dict[str, Any], dict[str, Any]]]:
     """Return the dimensions of values, and the coordinates and corners of cells for them."""
     attributes = instance.attrs
@@ -223,7 +219,7 @@ def _mesh_of(lon: FloatArray, lat: FloatArray) -> tuple[IndexArray, dict[str, st
     return np.asarray(triangles[edges <= _LONGEST_EDGE * np.median(edges)]), about
 
 
-def _moments(instance: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
+def _moments(instance: Group) -> dict[str, Any]:
     """Return the coordinate of the times of the groups, seconds since 1970."""
     stamps = [re.sub(r"\D", "", _text(group.attrs["timePoint"])) for group in _groups(instance)]
     if min(map(len, stamps)) < 14:
