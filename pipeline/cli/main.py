@@ -46,13 +46,11 @@ if TYPE_CHECKING:
     from pipeline.scenario.catalogue import ScenarioFile
     from pipeline.scenario.model import Scenario
 
-app = typer.Typer(
+app = options.group(
     name="renew",
     cls=options.BriefRefusals,
     help="Vessel routes that are safe and cheap in ocean currents.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,
 )
 
 

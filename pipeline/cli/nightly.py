@@ -8,10 +8,8 @@ from pipeline.cli import options
 from pipeline.cli.terminal import still_at_work
 from pipeline.errors import refuse_any
 
-app = typer.Typer(
-    help="Plan all cases of a night on the newest currents, and publish what changed.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
+app = options.group(
+    help="Plan all cases of a night on the newest currents, and publish what changed."
 )
 
 

@@ -7,6 +7,7 @@ import contextlib
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_origin
 
@@ -20,6 +21,8 @@ from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import CatalogueSection, Option, help_text, options, spelling
 
 _Command = TypeVar("_Command", bound=Callable[..., None])
+group = partial(typer.Typer, no_args_is_help=True, rich_markup_mode=None)
+"""Makes a group of commands."""
 _TYPES: dict[str, type[Any]] = {"file": Path, "folder": Path, "flag": bool, "number": float}
 
 

@@ -14,11 +14,7 @@ from pipeline.machine.paths import NOT_THERE, folder_to_write, shown, unreadable
 if TYPE_CHECKING:
     from pipeline.sources.tide_stations import Station
 
-app = typer.Typer(
-    help="Heights of the tide at a station, and constants of tidal streams.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+app = options.group(help="Heights of the tide at a station, and constants of tidal streams.")
 # Number of days listed by default.
 _DAYS = 7
 # Largest number of days: ten years are a long list.

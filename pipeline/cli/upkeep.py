@@ -277,11 +277,7 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
 # QGIS runs the plugin in a Python of its own, so it is given the path of this program, which it
 # calls.
 
-qgis_app = typer.Typer(
-    help="The plugin for QGIS: tools of its Processing toolbox.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+qgis_app = options.group(help="The plugin for QGIS: tools of its Processing toolbox.")
 # Name of the plugin's folder.
 _PLUGIN = "renew_routes"
 
