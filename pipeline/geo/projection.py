@@ -189,8 +189,7 @@ class Projection:
     def point_scale(self, lonlat: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre at lon/lat (...)."""
         jacobian = self._jacobian(lonlat)
-        scale: FloatArray = np.sqrt(np.abs(np.linalg.det(jacobian)))
-        return scale
+        return np.asarray(np.sqrt(np.abs(np.linalg.det(jacobian))))
 
     def scale_at(self, xy: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre at points (..., 2) of the plane."""
@@ -215,8 +214,7 @@ class Projection:
         # The mean angle of east and of north, which are equal where the plane is conformal.
         across = jacobian[..., 1, 0] - jacobian[..., 0, 1]
         along = jacobian[..., 0, 0] + jacobian[..., 1, 1]
-        turn: FloatArray = np.arctan2(across, along)
-        return turn
+        return np.asarray(np.arctan2(across, along))
 
     def _jacobian(self, lonlat: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre: (..., 2, 2), of east and north."""
