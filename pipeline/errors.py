@@ -105,6 +105,12 @@ class RequestError(PipelineError):
         return type(self), (self.faults,)
 
 
+def refuse_any(faults: Sequence[str]) -> None:
+    """Raise RequestError with the faults of a request, unless there are none."""
+    if faults:
+        raise RequestError(faults)
+
+
 class Faults:
     """The faults of all parts of a request, or of the work after a plan, reported together."""
 
@@ -132,6 +138,15 @@ class Faults:
         except Exception as error:  # noqa: BLE001 - whatever it is, the plan is worth its files
             line = f"{what} failed, and the rest is written; please report this: {one_line(error)}"
             self.lines += [line] * (line not in self.lines)
+
+
+@contextlib.contextmanager
+def naming(place: str, kind: type[Exception] = RequestError) -> Iterator[None]:
+    """Turn a ValueError into an error of a kind that names the place, such as a file, first."""
+    try:
+        yield
+    except ValueError as error:
+        raise kind(f"{place}: {error}") from None
 
 
 class NoPlanError(RequestError):

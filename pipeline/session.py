@@ -26,7 +26,7 @@ from pipeline.machine.store import (
     remove_unfinished,
 )
 from pipeline.scenario.catalogue import ScenarioFile
-from pipeline.sources.copernicus.download import remove_abandoned
+from pipeline.sources.copernicus.download import remove_abandoned_downloads
 
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"
@@ -90,7 +90,7 @@ def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -
             raise StageError(f"a run is at work in {output}: wait until it has ended")
         for hidden in (output / ".results").glob("*"):
             remove_leftovers(output / hidden.name)
-        remove_abandoned(root / DOWNLOADS)
+        remove_abandoned_downloads(root / DOWNLOADS)
         return prune(root, max_bytes=max_bytes, used_before=used_before)
 
 
@@ -126,7 +126,7 @@ def _locks(root: Path, name: str) -> Iterator[None]:
 def _remove_leftovers(directory: Path, store: Store) -> None:
     """Remove unfinished files of killed runs of this scenario; files of other runs stay."""
     remove_unfinished(store.root, store.owner)
-    remove_abandoned(store.root / DOWNLOADS)
+    remove_abandoned_downloads(store.root / DOWNLOADS)
     with writing(directory):
         remove_leftovers(directory)
 

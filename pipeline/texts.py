@@ -1,12 +1,15 @@
 """Texts from outside: names in charts, attributes, keys of TOML, messages of libraries, cells.
 
 They end on a terminal, in XML, in a spreadsheet. Each passes `clean` where it comes in, so no
-output has to look again.
+output has to look again. Texts of our own are in tables, which `table_beside` reads.
 """
 
 import re
+import tomllib
 import unicodedata
 from datetime import datetime
+from pathlib import Path
+from typing import Any
 
 # Controls, halves of surrogate pairs and what is no character: terminals obey some (escape
 # sequences set titles and the clipboard), and XML can't hold them.
@@ -53,6 +56,11 @@ def in_years(moment: datetime) -> datetime:
     if not 1700 <= moment.year < 2200:
         raise ValueError(f"= {moment.isoformat()} is not in the years 1700 to 2199")
     return moment
+
+
+def table_beside(module: str, name: str) -> dict[str, Any]:
+    """Read one of our own tables, a file of TOML beside a module that gives its `__file__`."""
+    return tomllib.loads(Path(module).with_name(name).read_text(encoding="utf-8"))
 
 
 def cell(value: object) -> object:

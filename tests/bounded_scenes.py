@@ -10,8 +10,6 @@ real path in the water (Dijkstra on a dense grid, then string pulling), so a bou
 false.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import dataclass, replace

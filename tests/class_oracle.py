@@ -7,8 +7,6 @@ of the best classes are among them. Paths that cross themselves wind about an is
 one, and they are left out.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Callable
 

@@ -7,8 +7,6 @@ earlier (FIFO) the label that is settled is the earliest arrival along edges. As
 `tighten` removes most of what an edge's course costs.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Commands that are run to their end, with what they print."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Mapping

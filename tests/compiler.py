@@ -1,7 +1,5 @@
 """Kernels without the compiler, as an oracle for the compiled ones; and compiled oracles."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 

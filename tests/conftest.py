@@ -1,7 +1,5 @@
 """What every test has: no network, no screen, a hypothesis profile, and the shared folder."""
 
-from __future__ import annotations
-
 import gc
 import ipaddress
 import itertools

@@ -6,8 +6,6 @@ So a slip in a place or an area finds nothing, and is refused by name. Rows of t
 stand for the same polygon are replaced; all others stay.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 

@@ -1,7 +1,5 @@
 """Scenes whose current changes on the way: swinging and reversing gyres, drifting eddies."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal

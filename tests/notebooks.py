@@ -4,8 +4,6 @@ They are kept as text in docs/notebooks/; what they printed and drew is kept bes
 docs/tutorials/, which the site is built from.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -5,8 +5,6 @@ The single gyre is read off its figure. The ablation is reconstructed: one recta
 were searched so that the shortest path has the published length (255.9 m).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Any

@@ -5,8 +5,6 @@ and their options, from the command line; of a route's figures, from the table o
 README's table, from a run's metrics.csv.
 """
 
-from __future__ import annotations
-
 import csv
 import inspect
 import json

@@ -8,8 +8,6 @@ for what slowing down below the lowest speed would take. The other improves a pa
 its legs by SLSQP, with the clock of :mod:`tests.clock_oracle`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

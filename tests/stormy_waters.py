@@ -1,7 +1,5 @@
 """Scenes with moving storms: waves on a grid and steps of time, and an oracle that may wait."""
 
-from __future__ import annotations
-
 import heapq
 import math
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ predicts for constants of 1 m, a table every minute, and each part of the consta
 the plane by itself.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """The walls of the house: who imports whom, what is declared, what the wheel holds, its version."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import shutil

@@ -1,7 +1,5 @@
 """What a night takes, as its page reckons it."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -3,8 +3,6 @@
 Where each figure stands is in claims.toml, and what was measured in docs/figures/.
 """
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import inspect

@@ -1,7 +1,5 @@
 """What the documents say holds: Python blocks run; targets, files and names exist."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import os

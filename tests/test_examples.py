@@ -1,7 +1,5 @@
 """The gate draws the same examples for everybody; `make test-new-examples` draws others."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections import Counter

@@ -3,8 +3,6 @@
 The image is built and run where a builder of images is.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import shutil

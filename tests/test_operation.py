@@ -1,7 +1,5 @@
 """What catalog/operation/ holds for whoever runs a night, each file by its own checker."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The plugin in QGIS itself, without a window: its tools plan, show layers, refuse and cancel."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

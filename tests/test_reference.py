@@ -1,7 +1,5 @@
 """Generated pages are up to date; a scenario's keys and JSON schema are true."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Each trick leaves a file of its name where it ran.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -9,8 +9,6 @@ they are judged by the other library, and by the highest and lowest tides that N
   by 40 %.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

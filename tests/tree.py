@@ -1,7 +1,5 @@
 """A snapshot of a folder, to see what a run changed in it."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Piece by piece in an azimuthal-equidistant plane of its own, centred on the piec
 are right to a few centimetres; the land is the original polygons, in degrees.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

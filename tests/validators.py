@@ -1,7 +1,5 @@
 """External validators of our files: GDAL's checker, RTZ schemas, axe in the system's Chromium."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -109,7 +109,8 @@ def _fuel(ranked: RankedRoute) -> str:
 
 def _sides(outcome: Outcome, width: int | None) -> list[str]:
     """Return the table of the best route on each side, and how many much dearer ones it omits."""
-    unit = _length_unit(outcome)
+    longest_m = max((one.metrics.length_m for one in outcome.result.routes), default=0.0)
+    unit = (1.0, "m") if longest_m < _SHORT_M else (1000.0, "km")
     several = len(outcome.result.cases) > 1
     rows: list[tuple[str, ...]] = [
         ("season", "way", "fuel", "length", "time", "clear", "gap", "route")
@@ -131,12 +132,6 @@ def _sides(outcome: Outcome, width: int | None) -> list[str]:
     if dear:
         lines.append(f"{text.count(dear, 'side', 'sides')} more, at least {DEAR:.0%} dearer")
     return lines
-
-
-def _length_unit(outcome: Outcome) -> tuple[float, str]:
-    """Return the unit of lengths in the table, metres, and its name."""
-    longest = max((one.metrics.length_m for one in outcome.result.routes), default=0.0)
-    return (1.0, "m") if longest < _SHORT_M else (1000.0, "km")
 
 
 def _row(ranked: RankedRoute, unit: tuple[float, str]) -> tuple[str, ...]:

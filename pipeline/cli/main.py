@@ -46,13 +46,11 @@ if TYPE_CHECKING:
     from pipeline.scenario.catalogue import ScenarioFile
     from pipeline.scenario.model import Scenario
 
-app = typer.Typer(
+app = options.group(
     name="renew",
     cls=options.BriefRefusals,
     help="Vessel routes that are safe and cheap in ocean currents.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,
 )
 
 
@@ -113,7 +111,7 @@ def run(
     scheduler: str | None = None,
 ) -> None:
     """Plan a scenario's routes and write them to OUTPUT/<scenario>/."""
-    with reported_errors(), _loaded(scenario, output, charts, currents) as (wanted, origin, notes):
+    with _loaded(scenario, output, charts, currents) as (wanted, origin, notes):
         from pipeline.cli.reporting import run_to_end
         from pipeline.run import run as run_scenario
 
@@ -144,16 +142,15 @@ def go(
 
     The scenario is written beside the results, for `renew run`.
     """
-    with reported_errors():
-        faults = Faults()
-        start, goal = faults.collect(lambda: halves(positions)) or (None, None)
-        request = read_voyage({**given, "start": start, "goal": goal}, "command", faults.lines)
-        from pipeline.cli.reporting import run_to_end
-        from pipeline.voyage.one_line import run_or_keep, voyage_scenario
+    faults = Faults()
+    start, goal = faults.collect(lambda: halves(positions)) or (None, None)
+    request = read_voyage({**given, "start": start, "goal": goal}, "command", faults.lines)
+    from pipeline.cli.reporting import run_to_end
+    from pipeline.voyage.one_line import run_or_keep, voyage_scenario
 
-        scenario, notes = voyage_scenario(request)
-        run = partial(run_or_keep, request, scenario, said=notes)
-        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet, verbose=verbose)
+    scenario, notes = voyage_scenario(request)
+    run = partial(run_or_keep, request, scenario, said=notes)
+    run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 # What a route of one's own leaves open, or says itself.
@@ -178,21 +175,20 @@ def check_route(
     left out is the one that the file states. Exits with 1 if the route crosses land or a
     shut area, or a season could not be checked.
     """
-    with reported_errors():
-        from pipeline.cli.checking import print_check
-        from pipeline.cli.reporting import progress
-        from pipeline.voyage.check import check_route as checked
-        from pipeline.voyage.one_line import voyage_scenario
-        from pipeline.voyage.route_file import read_route
+    from pipeline.cli.checking import print_check
+    from pipeline.cli.reporting import progress
+    from pipeline.voyage.check import check_route as checked
+    from pipeline.voyage.one_line import voyage_scenario
+    from pipeline.voyage.route_file import read_route
 
-        route = read_route(file)
-        if not given["depart"] and not given["month"] and route.points[0].time:
-            given["depart"] = route.points[0].time
-        request = read_voyage({**given, **route.stops}, "command")
-        asked = voyage_scenario(request)
-        with progress(*asked, quiet=quiet, as_json=as_json) as on_event:
-            run, found = checked(request, asked, route, on_event)
-        print_check(run, found, route, request.depart, as_json=as_json)
+    route = read_route(file)
+    if not given["depart"] and not given["month"] and route.points[0].time:
+        given["depart"] = route.points[0].time
+    request = read_voyage({**given, **route.stops}, "command")
+    asked = voyage_scenario(request)
+    with progress(*asked, quiet=quiet, as_json=as_json) as on_event:
+        run, found = checked(request, asked, route, on_event)
+    print_check(run, found, route, request.depart, as_json=as_json)
 
 
 @options.command(app, "serve")
@@ -210,35 +206,34 @@ def serve(
 
     It answers on 127.0.0.1 only, and needs the token in the address that it prints.
     """
-    with reported_errors():
-        try:
-            from pipeline.serve.app import serve as serve_page
-            from pipeline.serve.plans import Plans
-        except ImportError as error:
-            raise StageError(
-                f"renew serve needs the extra `web` ({error}): pip install fastapi uvicorn"
-            ) from error
+    try:
+        from pipeline.serve.app import serve as serve_page
+        from pipeline.serve.plans import Plans
+    except ImportError as error:
+        raise StageError(
+            f"renew serve needs the extra `web` ({error}): pip install fastapi uvicorn"
+        ) from error
 
-        from pipeline.machine.paths import folder_to_write
+    from pipeline.machine.paths import folder_to_write
 
-        def tell(address: str) -> None:
-            typer.echo(address)
-            say(
-                "Open it in a browser on this machine. Who has it may plan here, so keep it to "
-                "yourself. Ctrl-C ends.",
-                err=True,
-            )
-            if opens:
-                webbrowser.open(address)
-
-        plans = Plans(
-            folder_to_write(output, "--output"),
-            offline=offline,
-            workers=workers,
-            limit_s=limit,
-            memory_bytes=round(memory * _GB),
+    def tell(address: str) -> None:
+        typer.echo(address)
+        say(
+            "Open it in a browser on this machine. Who has it may plan here, so keep it to "
+            "yourself. Ctrl-C ends.",
+            err=True,
         )
-        serve_page(plans, port, on_ready=tell)
+        if opens:
+            webbrowser.open(address)
+
+    plans = Plans(
+        folder_to_write(output, "--output"),
+        offline=offline,
+        workers=workers,
+        limit_s=limit,
+        memory_bytes=round(memory * _GB),
+    )
+    serve_page(plans, port, on_ready=tell)
 
 
 @options.command(app, "replan")
@@ -255,21 +250,20 @@ def replan(
     The way that was planned is kept, unless it can't be sailed or another saves more than 2 % of
     the fuel ahead. The answer is no command to a vessel.
     """
-    with reported_errors():
-        from pipeline.cli.reporting import run_to_end
-        from pipeline.machine.paths import expanded
-        from pipeline.run import run as run_scenario
-        from pipeline.stages.under_way import finished_season
-        from pipeline.voyage.under_way import under_way_scenario
+    from pipeline.cli.reporting import run_to_end
+    from pipeline.machine.paths import expanded
+    from pipeline.run import run as run_scenario
+    from pipeline.stages.under_way import finished_season
+    from pipeline.voyage.under_way import under_way_scenario
 
-        faults = Faults()
-        results = Path(given["results"])
-        finished = faults.collect(lambda: finished_season(results, given["season"] or ""))
-        request = read(UnderWayRequest, given, "command", known=faults.lines)
-        scenario, notes = under_way_scenario(request, finished)
-        beside = expanded(results, "RESULTS").absolute().parent
-        run = partial(run_scenario, scenario, beside, offline=request.offline, said=notes)
-        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet, verbose=verbose)
+    faults = Faults()
+    results = Path(given["results"])
+    finished = faults.collect(lambda: finished_season(results, given["season"] or ""))
+    request = read(UnderWayRequest, given, "command", known=faults.lines)
+    scenario, notes = under_way_scenario(request, finished)
+    beside = expanded(results, "RESULTS").absolute().parent
+    run = partial(run_scenario, scenario, beside, offline=request.offline, said=notes)
+    run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet, verbose=verbose)
 
 
 app.add_typer(nightly_app, name="nightly")
@@ -293,14 +287,8 @@ def plot(
 
     They show the results of an earlier run; seasons without results are planned first.
     """
-    with (
-        reported_errors(),
-        _loaded(scenario, output, charts, currents, seasons=season or ()) as (
-            wanted,
-            origin,
-            notes,
-        ),
-    ):
+    with _loaded(scenario, output, charts, currents, seasons=season or ()) as loaded:
+        wanted, origin, notes = loaded
         from pipeline.cli.reporting import progress
         from pipeline.findings.names import output_directory
         from pipeline.findings.text import season_text
@@ -330,36 +318,34 @@ def plot(
 @options.command(app, "list")
 def list_entries(*, as_json: bool = False) -> None:
     """List the catalogue: scenarios and what they need, vessels, sources, stations of the tide."""
-    with reported_errors():
-        from pipeline.scenario import catalogue
+    from pipeline.scenario import catalogue
 
-        sections = catalogue.listed()
-        if as_json:
-            typer.echo(json.dumps(sections, ensure_ascii=False))
-            return
-        width = max(len(entry["name"]) for entries in sections.values() for entry in entries) + 1
-        for section, entries in sections.items():
-            typer.echo(f"{section}:")
-            for entry in entries:
-                needs = f" ({entry['needs']})" if entry["needs"] else ""
-                typer.echo(f"  {entry['name']:<{width}}{entry['title']}{needs}")
+    sections = catalogue.listed()
+    if as_json:
+        typer.echo(json.dumps(sections, ensure_ascii=False))
+        return
+    width = max(len(entry["name"]) for entries in sections.values() for entry in entries) + 1
+    for section, entries in sections.items():
+        typer.echo(f"{section}:")
+        for entry in entries:
+            needs = f" ({entry['needs']})" if entry["needs"] else ""
+            typer.echo(f"  {entry['name']:<{width}}{entry['title']}{needs}")
 
 
 @options.command(app, "show")
 def show(name: str) -> None:
     """Print an entry of the catalogue as TOML, for example as a template for a new one."""
-    with reported_errors():
-        from pipeline.scenario import catalogue
+    from pipeline.scenario import catalogue
 
-        path = catalogue.entry_path(name)
-        catalogue.read_toml(path)
-        typer.echo(seen(path.read_text(encoding="utf-8")), nl=False)
+    path = catalogue.entry_path(name)
+    catalogue.read_toml(path)
+    typer.echo(seen(path.read_text(encoding="utf-8")), nl=False)
 
 
 @options.command(app, "check")
 def check(file: str) -> None:
     """List all faults of a scenario's file and of the files that it names; check start and goal."""
-    with reported_errors(), still_at_work():
+    with still_at_work():
         from pipeline.scenario.loading import load_scenario
 
         scenario = load_scenario(file)
@@ -383,17 +369,16 @@ def clean(
     yes: bool = False,
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
-    with reported_errors():
-        if everything and not yes:
-            upkeep.require_consent()
-    with reported_errors(), still_at_work():
+    if everything and not yes:
+        upkeep.require_consent()
+    with still_at_work():
         say(upkeep.freed(output, older=older, everything=everything))
 
 
 @options.command(app, "doctor")
 def doctor(*, output: Path = Path("outputs"), offline: bool = False, as_json: bool = False) -> None:
     """Check that this machine can run RENEW; exit code 1 if something would make a run fail."""
-    with reported_errors(), still_at_work():
+    with still_at_work():
         findings = []
         for finding in upkeep.examine(output, offline=offline):
             findings.append(finding)
@@ -409,7 +394,7 @@ def doctor(*, output: Path = Path("outputs"), offline: bool = False, as_json: bo
 @options.command(app, "warm")
 def warm() -> None:
     """Compile the planner's code now, so that the first plan does not have to wait for it."""
-    with reported_errors(), still_at_work():
+    with still_at_work():
         typer.echo(upkeep.warm())
 
 

@@ -5,14 +5,11 @@ from pathlib import Path
 import typer
 
 from pipeline.cli import options
-from pipeline.cli.failures import reported_errors
 from pipeline.cli.terminal import still_at_work
-from pipeline.errors import RequestError
+from pipeline.errors import refuse_any
 
-app = typer.Typer(
-    help="Plan all cases of a night on the newest currents, and publish what changed.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
+app = options.group(
+    help="Plan all cases of a night on the newest currents, and publish what changed."
 )
 
 
@@ -21,14 +18,13 @@ def check(
     *, config: Path | None = None, output: Path | None = None, only: str | None = None
 ) -> None:
     """List all faults of a night's file with their lines; write nothing."""
-    with reported_errors(), still_at_work():
+    with still_at_work():
         from pipeline.nightly.cases import expand, pairs_on_land
         from pipeline.nightly.config import load_config
 
         loaded = load_config(config, output)
         blocks = expand(loaded, only=only)
-        if faults := pairs_on_land(loaded, blocks):
-            raise RequestError(faults)
+        refuse_any(pairs_on_land(loaded, blocks))
         count = sum(block.size for block in blocks)
         sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in blocks)
         typer.echo(
@@ -47,41 +43,38 @@ def run(
     ping: str | None = None,
 ) -> None:
     """Plan every case on the newest currents, and then point OUTPUT/latest at the results."""
-    with reported_errors():
-        from pipeline.cli.night_watch import night_progress, watched
-        from pipeline.nightly.config import load_config
-        from pipeline.nightly.night import run_night
+    from pipeline.cli.night_watch import night_progress, watched
+    from pipeline.nightly.config import load_config
+    from pipeline.nightly.night import run_night
 
-        on_event = night_progress()
-        # The night's file is loaded inside, so that its faults are reported as a failed night.
-        outcome = watched(
-            lambda: run_night(
-                load_config(config, output), only=only, scheduler=scheduler, on_event=on_event
-            ),
-            url=ping,
-            on_event=on_event,
-        )
-        typer.echo(outcome.message)
-        raise typer.Exit(outcome.exit_code)
+    on_event = night_progress()
+    # The night's file is loaded inside, so that its faults are reported as a failed night.
+    outcome = watched(
+        lambda: run_night(
+            load_config(config, output), only=only, scheduler=scheduler, on_event=on_event
+        ),
+        url=ping,
+        on_event=on_event,
+    )
+    typer.echo(outcome.message)
+    raise typer.Exit(outcome.exit_code)
 
 
 @options.command(app, "nightly status")
 def status(*, config: Path | None = None, output: Path | None = None) -> None:
     """Print the latest cycle, whether a job is at work, and its progress."""
-    with reported_errors():
-        from pipeline.nightly.config import load_config
-        from pipeline.nightly.records import status_lines
+    from pipeline.nightly.config import load_config
+    from pipeline.nightly.records import status_lines
 
-        for line in status_lines(load_config(config, output).output):
-            typer.echo(line)
+    for line in status_lines(load_config(config, output).output):
+        typer.echo(line)
 
 
 @options.command(app, "nightly show")
 def show(case: str, *, config: Path | None = None, output: Path | None = None) -> None:
     """Print a case of the last cycle: its route, and what changed."""
-    with reported_errors():
-        from pipeline.nightly.config import load_config
-        from pipeline.nightly.records import case_lines
+    from pipeline.nightly.config import load_config
+    from pipeline.nightly.records import case_lines
 
-        for line in case_lines(load_config(config, output).output, case):
-            typer.echo(line)
+    for line in case_lines(load_config(config, output).output, case):
+        typer.echo(line)

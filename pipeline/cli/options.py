@@ -6,19 +6,23 @@ Options are made from tables: those of a voyage, and `options.toml`.
 import contextlib
 import inspect
 import re
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_origin
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from pipeline.cli.failures import reported_errors
 from pipeline.errors import shortened
+from pipeline.texts import table_beside
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import CatalogueSection, Option, help_text, options, spelling
 
 _Command = TypeVar("_Command", bound=Callable[..., None])
+group = partial(typer.Typer, no_args_is_help=True, rich_markup_mode=None)
+"""Makes a group of commands."""
 _TYPES: dict[str, type[Any]] = {"file": Path, "folder": Path, "flag": bool, "number": float}
 
 
@@ -80,11 +84,14 @@ def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:
     return completed
 
 
-_ABOUT = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+_ABOUT = table_beside(__file__, "options.toml")
 
 
 def command(app: typer.Typer, name: str) -> Callable[[_Command], _Command]:
-    """Make a function a command, whose last word is that of `name`, as `options.toml` describes."""
+    """Make a function a command, whose last word is that of `name`, as `options.toml` describes.
+
+    Its errors are lines on standard error and an exit code.
+    """
     group, _, _ = name.partition(" ")
     about = {**_ABOUT["all"], **_ABOUT.get(group, {})}
 
@@ -97,8 +104,9 @@ def command(app: typer.Typer, name: str) -> Callable[[_Command], _Command]:
             for one in signature.parameters.values()
         ]
         function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-        app.command(name.rpartition(" ")[2], cls=Command)(function)
-        return function
+        reported = reported_errors()(function)
+        app.command(name.rpartition(" ")[2], cls=Command)(reported)
+        return reported
 
     return decorated
 

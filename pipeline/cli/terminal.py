@@ -7,7 +7,7 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterator, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
 import typer
@@ -93,18 +93,11 @@ def json_lines(stream: TextIO) -> Any:  # noqa: ANN401 - a structlog logger, typ
         processors=[
             structlog.processors.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
-            _hide_secrets,
+            # A message may quote an address or a reply.
+            lambda _logger, _method, said: {name: _hidden(one) for name, one in said.items()},
             structlog.processors.JSONRenderer(ensure_ascii=False),
         ],
     )
-
-
-def _hide_secrets(
-    logger: object, method: str, fields: MutableMapping[str, Any]
-) -> MutableMapping[str, Any]:
-    """Hide credentials in all texts of an event; a message may quote an address or a reply."""
-    del logger, method
-    return {name: _hidden(value) for name, value in fields.items()}
 
 
 def _hidden(value: object) -> object:

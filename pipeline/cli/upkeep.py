@@ -23,7 +23,6 @@ from typing import Literal
 import typer
 
 from pipeline.cli import options
-from pipeline.cli.failures import reported_errors
 from pipeline.cli.terminal import progress_bar
 from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.machine.interpreters import begun
@@ -278,11 +277,7 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
 # QGIS runs the plugin in a Python of its own, so it is given the path of this program, which it
 # calls.
 
-qgis_app = typer.Typer(
-    help="The plugin for QGIS: tools of its Processing toolbox.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+qgis_app = options.group(help="The plugin for QGIS: tools of its Processing toolbox.")
 # Name of the plugin's folder.
 _PLUGIN = "renew_routes"
 
@@ -295,21 +290,20 @@ def _group() -> None:
 @options.command(qgis_app, "qgis install")
 def install(*, profile: str = "default", plugins: Path | None = None) -> None:
     """Put the plugin into the user's profile of QGIS, in place of an earlier version."""
-    with reported_errors():
-        if Path(profile).name != profile or profile == "..":
-            raise RequestError(f"--profile = {shown(profile)!r} is no name; give one without '/'")
-        parent = plugins or _profiles() / profile / "python" / "plugins"
-        target = folder_to_write(parent, "--plugins") / _PLUGIN
-        if target.exists() and not (target / "metadata.txt").is_file():
-            raise RequestError(f"{shown(target)} is something else; move it away")
-        shutil.rmtree(target, ignore_errors=True)
-        shutil.copytree(_source(), target, ignore=shutil.ignore_patterns("__pycache__"))
-        program = Path(sys.executable).with_name("renew")
-        (target / "program.txt").write_text(f"{program}\n", encoding="utf-8")
-        typer.echo(
-            f"Written to {target}\nStart QGIS anew and tick 'RENEW routes' in Plugins > Manage and "
-            f"Install Plugins > Installed, or run `qgis_process plugins enable {_PLUGIN}`"
-        )
+    if Path(profile).name != profile or profile == "..":
+        raise RequestError(f"--profile = {shown(profile)!r} is no name; give one without '/'")
+    parent = plugins or _profiles() / profile / "python" / "plugins"
+    target = folder_to_write(parent, "--plugins") / _PLUGIN
+    if target.exists() and not (target / "metadata.txt").is_file():
+        raise RequestError(f"{shown(target)} is something else; move it away")
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(_source(), target, ignore=shutil.ignore_patterns("__pycache__"))
+    program = Path(sys.executable).with_name("renew")
+    (target / "program.txt").write_text(f"{program}\n", encoding="utf-8")
+    typer.echo(
+        f"Written to {target}\nStart QGIS anew and tick 'RENEW routes' in Plugins > Manage and "
+        f"Install Plugins > Installed, or run `qgis_process plugins enable {_PLUGIN}`"
+    )
 
 
 def _source() -> Path:

@@ -339,12 +339,6 @@ def close_sides(ensemble: model.EnsembleFigures, routes: Sequence[model.RouteMet
     return [side for side in sides if side != way_text(routes[0])]
 
 
-def sides_text(ensemble: model.EnsembleFigures, routes: Sequence[model.RouteMetrics]) -> str:
-    """Say whether the side is too close to call, and the shares of the sides."""
-    is_close = "too close to call: " if close_sides(ensemble, routes) else ""
-    return is_close + side_shares(ensemble, routes)
-
-
 def ensemble_figures(
     ensemble: model.EnsembleFigures, routes: Sequence[model.RouteMetrics]
 ) -> dict[str, Any]:

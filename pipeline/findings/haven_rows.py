@@ -9,15 +9,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pyproj
 import shapely
 
 import renew
 from pipeline._types import FloatArray
 from pipeline.findings.result import RunCase
 from pipeline.findings.text import planner_text
+from pipeline.geo.projection import GEOD
 
-_GEOD = pyproj.Geod(ellps="WGS84")
 MOMENTS = ("equal point", "last change")
 """Kinds of rows for which nothing is proven of later places."""
 LAST_TURNS = ("abort point", "point of no return", *MOMENTS)
@@ -52,7 +51,7 @@ class Way:
     @cached_property
     def bearing_deg(self) -> float:
         """True bearing of the haven from where the vessel turns off, 0 to below 360."""
-        return float(_GEOD.inv(*self.place, *self.haven_place)[0]) % 360
+        return float(GEOD.inv(*self.place, *self.haven_place)[0]) % 360
 
 
 @dataclass(frozen=True)
@@ -77,13 +76,6 @@ class HavenRow:
     longest_s: float = math.inf
     least_s: float = 0.0
     reason: str = ""
-
-
-def coverage_of(case: RunCase) -> renew.Coverage:
-    """Return a case's coverage; ValueError without havens."""
-    if case.coverage is None:
-        raise ValueError(f"{case.name} has no havens")
-    return case.coverage
 
 
 def haven_ways(case: RunCase) -> dict[renew.Diversion, Way]:

@@ -2,12 +2,12 @@
 
 import hashlib
 import re
-import tomllib
 import unicodedata
 from collections.abc import Iterable, Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pipeline.texts import table_beside
 
 if TYPE_CHECKING:
     from pipeline.model import RouteMetrics
@@ -41,11 +41,6 @@ def safe_name(name: str) -> str:
     if is_device:
         return f"{digest}-{short}"
     return f"{short}-{digest}" if short else digest
-
-
-def season_stem(scenario: str, case: str) -> str:
-    """Return the beginning of the names of a case's files."""
-    return safe_name(f"{scenario}-{case}")
 
 
 SCHEMA_VERSION = 1
@@ -85,9 +80,7 @@ class Column(NamedTuple):
 
 COLUMNS = {
     name: Column(**{"attribute": name, **fields})
-    for name, fields in tomllib.loads(
-        files("pipeline.findings").joinpath("columns.toml").read_text(encoding="utf-8")
-    ).items()
+    for name, fields in table_beside(__file__, "columns.toml").items()
 }
 
 

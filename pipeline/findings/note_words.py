@@ -8,11 +8,9 @@ separator, and `{list:, /3/ and # more}` for a list of which only three entries 
 
 import math
 import string
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from datetime import datetime
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import renew
@@ -21,6 +19,7 @@ from pipeline.findings.choices import departure_text, replanned_text, trade_off_
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.model import Note, Place, Water
+from pipeline.texts import table_beside
 from renew.errors import Length, Moment, Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
@@ -324,8 +323,10 @@ _BY_FUNCTION: Mapping[str, Callable[..., str]] = {
         "early, on time and late"
     ),
 }
-_SENTENCES = tomllib.loads(Path(__file__).with_name("notes.toml").read_text(encoding="utf-8"))
-WORDS: Mapping[str, str | Callable[..., str]] = {**_SENTENCES, **_BY_FUNCTION}
+WORDS: Mapping[str, str | Callable[..., str]] = {
+    **table_beside(__file__, "notes.toml"),
+    **_BY_FUNCTION,
+}
 """The words of each kind of note."""
 
 

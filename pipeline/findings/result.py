@@ -15,7 +15,7 @@ import renew
 from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.findings.names import season_stem
+from pipeline.findings.names import safe_name
 from pipeline.findings.text import capitalised, gap_figure, planner_text, season_name
 from pipeline.geo.projection import MAX_EDGE_M
 from pipeline.model import ShoreCrossing
@@ -138,7 +138,7 @@ class RunCase:
     @property
     def stem(self) -> str:
         """The beginning of the names of its files."""
-        return season_stem(self.scenario.name, self.name)
+        return safe_name(f"{self.scenario.name}-{self.name}")
 
     @property
     def scenario(self) -> Scenario:
@@ -389,8 +389,7 @@ class RunResult:
     @cached_property
     def stops(self) -> FloatArray:
         """The scenario's start, via points and goal, planar metres (n + 2, 2)."""
-        given = np.array([*self.scenario.stops.values()], dtype=float)
-        return given if self.water.is_planar else self.water.projection.to_plane(given)
+        return self.water.to_plane([*self.scenario.stops.values()])
 
     @property
     def routes(self) -> tuple[RankedRoute, ...]:
@@ -561,12 +560,6 @@ def adrift_notes(ranked: RankedRoute) -> Iterator[Note]:
             ashore=row.ashore_share,
             carries="current and the wind carry" if case.case.leeway else "current carries",
         )
-
-
-def sea_notes(ranked: RankedRoute) -> Iterator[Note]:
-    """Yield notes on a vessel without thrust, and on the weather that a route meets."""
-    yield from adrift_notes(ranked)
-    yield from weather_notes(ranked)
 
 
 def weather_notes(ranked: RankedRoute) -> Iterator[Note]:

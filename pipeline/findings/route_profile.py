@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import pyproj
 import shapely
 
 from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.findings.result import RankedRoute
-from pipeline.geo.projection import Projection, cut, densified
+from pipeline.geo.projection import GEOD, Projection, cut, densified
 from pipeline.model import Case
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage, speeds_along
@@ -69,9 +68,7 @@ def legs(ranked: RankedRoute) -> Legs:
     longest = _PIECE_M / projection.scale
     points, first = cut(path, longest)
     lonlat = projection.to_lonlat(points)
-    azimuth, _, step = pyproj.Geod(ellps="WGS84").inv(
-        lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
-    )
+    azimuth, _, step = GEOD.inv(*lonlat[:-1].T, *lonlat[1:].T)
     length = np.add.reduceat(np.asarray(step), first)
     time = planned_times(ranked)
     return Legs(
@@ -250,9 +247,7 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
         sampled = _with_point(sampled, closest[0], _SAME_POINT * length)
 
     lonlat = projection.to_lonlat(sampled)
-    azimuth, back, step_m = pyproj.Geod(ellps="WGS84").inv(
-        lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
-    )
+    azimuth, back, step_m = GEOD.inv(*lonlat[:-1].T, *lonlat[1:].T)
     taken = steps(sampled, ranked)
     way = np.diff(sampled, axis=0)
     tangent = _with_last_repeated(way / np.linalg.norm(way, axis=1, keepdims=True))
@@ -291,7 +286,7 @@ def _to_coast_m(coast: shapely.STRtree, xy: FloatArray, projection: Projection) 
     nearest = coast.query_nearest(points, all_matches=False)[1]
     gaps = shapely.shortest_line(points, coast.geometries[nearest])
     ends = projection.to_lonlat(shapely.get_coordinates(gaps))
-    return np.asarray(pyproj.Geod(ellps="WGS84").inv(*ends[::2].T, *ends[1::2].T)[2])
+    return np.asarray(GEOD.inv(*ends[::2].T, *ends[1::2].T)[2])
 
 
 def closest_approach(
@@ -299,8 +294,8 @@ def closest_approach(
 ) -> tuple[FloatArray, float] | None:
     """Return the point (2,) of a line (n, 2) where a coast is nearest, and how far, true metres.
 
-    None without a coast. The nearest coast in the plane need not be the nearest on earth, so all
-    gaps that are nearly as small are measured.
+    The coast is a tree of edges, or of areas of land; None without one. The nearest coast in the
+    plane need not be the nearest on earth, so all gaps that are nearly as small are measured.
     """
     if not len(coast):
         return None

@@ -101,7 +101,9 @@ class CaseFacts:
         if rival is None or rival.fuel <= self.best.fuel:
             return ""
         more = text.percent(rival.fuel / self.best.fuel - 1)
-        return f"{text.capitalised(self._rival_name(rival))} needs {more} more fuel"
+        is_beside = rival.main_passage != self.best.main_passage
+        way = f"best way {rival.main_passage}" if is_beside else "next best route"
+        return f"The {way} needs {more} more fuel"
 
     def certainty(self) -> str:
         """Say whether the choice of side is proven; empty without a choice."""
@@ -151,12 +153,6 @@ class CaseFacts:
         if not self.lacks_current and math.isfinite(best.optimality_gap):
             sentences.append(_bound(best))
         return tuple(sentences)
-
-    def _rival_name(self, rival: RouteMetrics) -> str:
-        """Return the rival's name in a sentence."""
-        if rival.main_passage != self.best.main_passage:
-            return f"the best way {rival.main_passage}"
-        return "the next best route"
 
 
 def case_facts(case: RunCase) -> CaseFacts | None:

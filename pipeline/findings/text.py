@@ -247,11 +247,11 @@ def planner_text(text: Text, case: Case) -> str:
             return in_seconds(moment)
         return exact_moment_text(departure + timedelta(seconds=round(scale * moment.seconds)))
 
-    def lasting(one: Duration) -> str:
-        return str(Duration(one.seconds * scale))
-
     words = text.spelled(
-        case.water.place_text, dated, lambda one: distance(case.water.true_m(one)), lasting
+        case.water.place_text,
+        dated,
+        lambda one: distance(case.water.true_m(one)),
+        lambda one: str(Duration(one.seconds * scale)),
     )
     return " ".join(words.split())
 

@@ -3,12 +3,12 @@
 import base64
 import hashlib
 import re
-import tomllib
 from functools import cache
 from pathlib import Path
 
-_TABLE = Path(__file__).with_name("colours.toml")
-_ROLES: dict[str, list[str]] = tomllib.loads(_TABLE.read_text(encoding="utf-8"))
+from pipeline.texts import table_beside
+
+_ROLES: dict[str, list[str]] = table_beside(__file__, "colours.toml")
 COLOURS, DARK = ({role: both[at] for role, both in _ROLES.items()} for at in (0, 1))
 """Role -> colour on a light background, and on a dark one."""
 

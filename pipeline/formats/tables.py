@@ -3,7 +3,6 @@
 import csv
 import itertools
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 import renew
 from pipeline._types import FloatArray, IntArray
 from pipeline.findings import choices, route_profile
-from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
+from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
 from pipeline.findings.names import figure_columns, figures, used
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
@@ -28,7 +27,7 @@ from pipeline.formats.passage.waypoints import (
 )
 from pipeline.model import Case, Water
 from pipeline.scenario.loading import scenario_text
-from pipeline.texts import cell
+from pipeline.texts import cell, table_beside
 from renew.underway.survey import State
 
 _PASSAGE = ("departure", "arrival")
@@ -155,9 +154,7 @@ _ERROR_M = 5.0
 _NO_CURRENT_KN = 0.05
 
 
-_LEGS: dict[str, str] = tomllib.loads(
-    Path(__file__).with_name("legs.toml").read_text(encoding="utf-8")
-)
+_LEGS: dict[str, str] = table_beside(__file__, "legs.toml")
 
 
 def leg_headings(points: Waypoints) -> dict[str, str]:
@@ -388,7 +385,9 @@ def haven_texts(row: HavenRow, case: RunCase) -> dict[str, str]:
 
 def haven_facts(case: RunCase) -> list[str]:
     """Return sentences that explain the table of havens: limits, shares, how to use it."""
-    coverage, limits = coverage_of(case), case.scenario.havens
+    coverage, limits = case.coverage, case.scenario.havens
+    if coverage is None:
+        return []
     shares = ", ".join(f"{percent(coverage.share(state))} {state}" for state in STATES)
     left_out = ", ".join(haven.name for haven, _ in coverage.left_out)
     return [

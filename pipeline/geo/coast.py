@@ -117,6 +117,21 @@ def _united(areas: Geometries) -> Geometries:
     return _polygons_of(shapely.disjoint_subset_union_all(areas))
 
 
+def cut_to(areas: Geometries, other: shapely.Geometry) -> Geometries:
+    """Cut areas (n,) along another; those inside stay exactly as they are."""
+    shapely.prepare(other)
+    outside = ~shapely.covers(other, areas)
+    cut = areas.copy()
+    cut[outside] = shapely.intersection(areas[outside], other)
+    return cut
+
+
+def within(areas: Geometries, other: shapely.Geometry) -> Geometries:
+    """Return areas (n,) as far as they lie in another; those inside stay exactly as they are."""
+    shapely.prepare(other)
+    return cut_to(areas[shapely.intersects(other, areas)], other)
+
+
 def _polygons_of(areas: Geometries | shapely.Geometry) -> Geometries:
     """Split areas into polygons."""
     parts = shapely.get_parts(areas)

@@ -35,7 +35,8 @@ from pipeline.errors import RequestError
 # A geometry or an array of geometries: functions return the type that they are given.
 GeometryT = TypeVar("GeometryT", bound="shapely.Geometry | Geometries")
 
-_GEOD = pyproj.Geod(ellps="WGS84")
+GEOD = pyproj.Geod(ellps="WGS84")
+"""Geodesics on the earth's ellipsoid."""
 _LONLAT = "OGC:CRS84"
 
 # Latitudes (degrees) and width (metres) at which the rows of the table above begin.
@@ -44,7 +45,7 @@ _POLAR_CENTRE_DEG = 75.0
 _EQUATORIAL_CENTRE_DEG = 10.0
 _SMALL_WIDTH_M = 1_000_000.0
 # Length of a degree of the equator, m.
-_EQUATOR_DEGREE_M = math.pi / 180 * _GEOD.a
+_EQUATOR_DEGREE_M = math.pi / 180 * GEOD.a
 
 # Half of the step of the central difference, degrees: 11 m, at which the relative errors by
 # rounding (1e-10) and curvature (1e-11) are both negligible for a heading.
@@ -188,8 +189,7 @@ class Projection:
     def point_scale(self, lonlat: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre at lon/lat (...)."""
         jacobian = self._jacobian(lonlat)
-        scale: FloatArray = np.sqrt(np.abs(np.linalg.det(jacobian)))
-        return scale
+        return np.asarray(np.sqrt(np.abs(np.linalg.det(jacobian))))
 
     def scale_at(self, xy: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre at points (..., 2) of the plane."""
@@ -202,7 +202,7 @@ class Projection:
         """
         path = np.asarray(xy, dtype=np.float64)
         lonlat = self.to_lonlat(densified(path, _MAX_LEG_M / self.scale))
-        return float(_GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
+        return float(GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
 
     def __dask_tokenize__(self) -> tuple[str, str, float, float]:
         """Return the values that identify a projection in the keys of the store."""
@@ -214,8 +214,7 @@ class Projection:
         # The mean angle of east and of north, which are equal where the plane is conformal.
         across = jacobian[..., 1, 0] - jacobian[..., 0, 1]
         along = jacobian[..., 0, 0] + jacobian[..., 1, 1]
-        turn: FloatArray = np.arctan2(across, along)
-        return turn
+        return np.asarray(np.arctan2(across, along))
 
     def _jacobian(self, lonlat: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre: (..., 2, 2), of east and north."""
@@ -225,9 +224,9 @@ class Projection:
         latitude = np.clip(points[..., 1], -limit, limit)
         points = np.stack([points[..., 0], latitude], axis=-1)
         sine = np.sin(np.radians(latitude))
-        root = np.sqrt(1 - _GEOD.es * sine**2)
-        metres_east = np.radians(2 * _STEP_DEG) * _GEOD.a / root * np.cos(np.radians(latitude))
-        metres_north = np.radians(2 * _STEP_DEG) * _GEOD.a * (1 - _GEOD.es) / root**3
+        root = np.sqrt(1 - GEOD.es * sine**2)
+        metres_east = np.radians(2 * _STEP_DEG) * GEOD.a / root * np.cos(np.radians(latitude))
+        metres_north = np.radians(2 * _STEP_DEG) * GEOD.a * (1 - GEOD.es) / root**3
         columns = [
             (self.to_plane(points + step) - self.to_plane(points - step)) * self.scale
             for step in (np.array([_STEP_DEG, 0.0]), np.array([0.0, _STEP_DEG]))
@@ -391,10 +390,14 @@ class KnownCells:
 
 def _cell(axis: FloatArray, values: FloatArray) -> tuple[IndexArray, BoolArray]:
     """Return the node nearest to each value, and whether the value is within its cell."""
-    nearest = np.searchsorted((axis[1:] + axis[:-1]) / 2, values)
     low = axis[0] - (axis[1] - axis[0]) / 2
     high = axis[-1] + (axis[-1] - axis[-2]) / 2
-    return nearest, (values >= low) & (values <= high)
+    return nearest_node(axis, values), (values >= low) & (values <= high)
+
+
+def nearest_node(axis: FloatArray, values: FloatArray) -> IndexArray:
+    """Return the index of an ascending axis's node that is nearest to each value."""
+    return np.asarray(np.searchsorted((axis[1:] + axis[:-1]) / 2, values))
 
 
 @dataclass(frozen=True, slots=True)

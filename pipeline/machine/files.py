@@ -92,6 +92,14 @@ def flush(path: Path) -> None:
         os.close(descriptor)
 
 
+def remove_abandoned(folder: Path, pattern: str, age_s: float) -> None:
+    """Remove what killed processes left unfinished in a folder, from an age (s) on."""
+    for path in folder.glob(pattern):
+        with contextlib.suppress(OSError):
+            if time.time() - path.stat().st_mtime > age_s:
+                _remove(path)
+
+
 # Time between two attempts, s.
 _PAUSE_S = 0.05
 # Number of times that the lock's folder may vanish before it is locked: other processes remove it

@@ -9,7 +9,7 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 
-from pipeline.errors import RequestError, StageError
+from pipeline.errors import RequestError, StageError, refuse_any
 from pipeline.texts import acts, clean
 
 # Neither files nor folders: reading one may wait for ever, or never end.
@@ -79,8 +79,7 @@ def require_readable(paths: Iterable[Path], key: str) -> None:
     Raises RequestError with a line for each of them.
     """
     faults = [f"{key}: {shown(path)} {why}" for path in paths if (why := unreadable_reason(path))]
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
 
 
 def expanded(path: str | Path, key: str) -> Path:

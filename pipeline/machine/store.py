@@ -151,7 +151,7 @@ def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
     if content is None:
         return None
     try:
-        value = values_from(content)
+        value = _ValueUnpickler(io.BytesIO(content)).load()
     except Exception as error:  # noqa: BLE001 - a pickle of somebody else's may raise anything
         warnings.warn(
             f"{path} was not written by this program, and is not used: {error}", stacklevel=2
@@ -324,14 +324,6 @@ _ALLOWED = {
     "tblib": {"Code", "Frame", "Traceback"},
     "tblib.pickling_support": {"unpickle_exception", "unpickle_traceback"},
 }
-
-
-def values_from(content: bytes) -> object:
-    """Return the value of a pickle.
-
-    Raises pickle.UnpicklingError if it names anything but a class or constructor of values.
-    """
-    return _ValueUnpickler(io.BytesIO(content)).load()
 
 
 class _ValueUnpickler(pickle.Unpickler):

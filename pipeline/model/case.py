@@ -15,7 +15,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 import renew
-from pipeline._types import FloatArray
+from pipeline._types import ArrayLike, FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.coast import shore_to_shore
 from pipeline.geo.projection import DepthCover, KnownCells, Projection
@@ -95,6 +95,11 @@ class Water:
             return self.projection.scale * length.metres
         margins_m = self.width_m(length.across) - self.projection.geodesic_length_m(length.across)
         return self.projection.scale * length.metres + margins_m
+
+    def to_plane(self, given: ArrayLike) -> FloatArray:
+        """Return places (n, 2) as a scenario gives them in planar metres."""
+        places = np.array(given, dtype=float)
+        return places if self.is_planar else self.projection.to_plane(places)
 
     def place(self, place: FloatArray) -> Place:
         """Return a place (2,), planar metres, in degrees; in a plane it stays in metres."""

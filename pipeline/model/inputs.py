@@ -6,7 +6,6 @@ words are made from these elsewhere.
 
 import hashlib
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -23,7 +22,7 @@ from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Bounds, DepthCover, KnownCells, position_text
 from pipeline.scenario.season import Season
-from pipeline.texts import clean
+from pipeline.texts import clean, table_beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +135,7 @@ class Note:
         return replace(self, cases=cases)
 
 
-KINDS: dict[str, list[str]] = tomllib.loads(
-    Path(__file__).with_name("notes.toml").read_text(encoding="utf-8")
-)
+KINDS: dict[str, list[str]] = table_beside(__file__, "notes.toml")
 """Kinds of notes by their group."""
 DECIDED, NOT_KNOWN = frozenset(KINDS["decided"]), frozenset(KINDS["unknown"])
 

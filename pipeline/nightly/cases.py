@@ -22,7 +22,7 @@ from typing import Any
 import shapely
 from pydantic import TypeAdapter, ValidationError
 
-from pipeline.errors import Fault, RequestError
+from pipeline.errors import Fault, RequestError, refuse_any
 from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.nightly.config import CaseSpec, Departure, NightConfig
 from pipeline.scenario import catalogue
@@ -317,8 +317,7 @@ def expand(config: NightConfig, *, only: str | None = None) -> list[Block]:
         for first, other in itertools.combinations(blocks, 2)
         if not any(a.isdisjoint(b) for a, b in zip(first.names, other.names, strict=True))
     ]
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     if only is not None:
         wanted = [kept for block in blocks if (kept := block.named(only)) is not None]
         if not wanted:
@@ -397,8 +396,7 @@ def _with_own_currents(config: NightConfig, spec: CaseSpec, scenario: Scenario) 
     faults = [
         f"season {season.name!r} {fault}" for season in seasons for fault in season.member_faults()
     ]
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return scenario.model_copy(update={"seasons": seasons})
 
 

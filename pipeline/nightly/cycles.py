@@ -137,10 +137,6 @@ class Cycles:
         cycles = [path for path in self._folders() if is_cycle(path.name)]
         return [path.name for path in sorted(cycles, key=_age)]
 
-    def revisions(self, cycle: str) -> list[str]:
-        """Return the finished cycles on the currents of `cycle`, oldest first."""
-        return [name for name in self.finished() if base_of(name) == base_of(cycle)]
-
     def free_name(self, cycle: str) -> str:
         """Return a cycle's name or, if its folder exists already, the name of the next revision."""
         name, number = base_of(cycle), 1

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
-from pipeline.errors import RequestError, StageError
+from pipeline.errors import StageError, refuse_any
 from pipeline.machine.files import file_lock
 from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinished
 from pipeline.nightly import records
@@ -144,8 +144,7 @@ class _Night:
                 self._note(reason)
             if (settled := self._settled()) is not None:
                 return settled
-            if faults := pairs_on_land(self.config, self.blocks):
-                raise RequestError(faults)
+            refuse_any(pairs_on_land(self.config, self.blocks))
             self._note(f"{len(self.cases):,} cases on the currents of {self.newest.cycle}")
         with self._alone():
             if (settled := self._settled() or self._named()) is not None:
@@ -196,8 +195,9 @@ class _Night:
 
     def _named(self) -> NightOutcome | None:
         """Publish this cycle if a killed job finished it without changing `latest`; else None."""
-        for cycle in reversed(self.cycles.revisions(self.newest.cycle)):
-            if not self._reason_to_revise(cycle):
+        for cycle in reversed(self.cycles.finished()):
+            is_on_these = base_of(cycle) == base_of(self.newest.cycle)
+            if is_on_these and not self._reason_to_revise(cycle):
                 self.cycles.point_at(cycle)
                 self.cycles.prune(self.config.spec.keep)
                 return self._outcome_of(cycle, "", fresh=True)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import MachineError, PipelineError, StageError
+from pipeline.geo.projection import GEOD
 from pipeline.machine.cluster import Fleet, fleet
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Store, artefact_key, read_checked
@@ -268,12 +269,10 @@ def _longest(case: NightCase) -> Scenario:
     scenario, pairs = _scenario(case), [pair for pair in case.block.pairs if pair is not None]
     if not pairs:
         return scenario
-    import pyproj
-
     starts, goals = (
         np.array([getattr(pair, name) for pair in pairs]) for name in ("start", "goal")
     )
-    farthest = pairs[int(pyproj.Geod(ellps="WGS84").inv(*starts.T, *goals.T)[2].argmax())]
+    farthest = pairs[int(GEOD.inv(*starts.T, *goals.T)[2].argmax())]
     return scenario.model_copy(update={"start": farthest.start, "goal": farthest.goal})
 
 

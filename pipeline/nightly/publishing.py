@@ -37,12 +37,8 @@ from pipeline.texts import cell, clean
 
 
 _TIME = pa.timestamp("ms", tz="UTC")
-_STRING = pa.string()
-_NUMBER = pa.float64()
 _COUNT = pa.int64()
-
-
-_TYPES = {"text": _STRING, "number": _NUMBER, "whole": _COUNT, "time": _TIME}
+_TYPES = {"text": pa.string(), "number": pa.float64(), "whole": _COUNT, "time": _TIME}
 
 
 def _columns(table: str) -> list[tuple[str, pa.DataType]]:
@@ -360,13 +356,20 @@ def write_files(
     counted = _counted(of_cases, partial)
     cases = pa.Table.from_pylist(of_cases, CASE_SCHEMA)
     case_rows = cases.to_pylist()  # with all columns, which the rows of some cases lack
+    load = cache(lambda path: load_artefact(path, NightChart))
     with writing(folder):
         write_table(cases, folder / records.CASES_FILE)
         write_table(pa.Table.from_pylist(routes, ROUTE_SCHEMA), folder / ROUTES_FILE)
         write_changes(case_rows, folder / CHANGES_FILE)
         write_history(history, case_rows, folder / records.HISTORY_FILE, newest)
         write_geopackage(routes, folder / GEOPACKAGE_FILE, newest.time)
-        page = page_text(newest, case_rows, notes, _charts(planning), planning.earlier)
+        page = page_text(
+            newest,
+            case_rows,
+            notes,
+            lambda index: load(planning.chart_path(planning.cases[index])),
+            planning.earlier,
+        )
         (folder / PAGE_FILE).write_text(page, encoding="utf-8")
     return counted
 
@@ -385,16 +388,6 @@ def _counted(cases: Sequence[Row], partial: Partial) -> dict[str, Any]:
         "cases_by_outcome": {name: outcomes[name] for name in records.OUTCOMES},
         "planning_seconds": round(sum(row["seconds"] for row in cases), 3),
     }
-
-
-def _charts(planning: Planning) -> Callable[[int], NightChart | None]:
-    """Return a function that loads the chart of a case; None if it could not be made."""
-
-    @cache
-    def load(path: Path) -> NightChart | None:
-        return load_artefact(path, NightChart)
-
-    return lambda index: load(planning.chart_path(planning.cases[index]))
 
 
 def check_files(folder: Path, count: int) -> None:

@@ -6,7 +6,6 @@ hashes show later changes. No other file of a cycle contains the time when it wa
 """
 
 import json
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -22,6 +21,7 @@ from pipeline.machine.files import flush_tree, write_whole
 from pipeline.machine.store import file_hash
 from pipeline.nightly.cases import matches
 from pipeline.nightly.cycles import RECORD, Cycles, Row, holder_of, is_busy, rows_of_parts, writing
+from pipeline.texts import table_beside
 
 CASES_FILE = "cases.parquet"
 HISTORY_FILE = "history.parquet"
@@ -36,7 +36,7 @@ LOOK = "look"
 ACT = "act"
 """Outcome of a case: yesterday's way can't be sailed any more, or there is no route."""
 OUTCOMES = (SAME, LOOK, ACT)
-COLUMNS = tomllib.loads(Path(__file__).with_name("tables.toml").read_text(encoding="utf-8"))
+COLUMNS = table_beside(__file__, "tables.toml")
 """Columns of a night's tables."""
 
 

@@ -19,7 +19,7 @@ import shapely
 import renew
 from pipeline import model
 from pipeline.errors import StageError, one_line
-from pipeline.findings.choices import ensemble_figures, flips_text, sides_text
+from pipeline.findings.choices import close_sides, ensemble_figures, flips_text, side_shares
 from pipeline.findings.names import figures
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.way_names import way_names
@@ -280,7 +280,8 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
     row = _row_of(case, 0) | {key: best[key] for key in best if key not in {"rank", "index"}}
     if planned.ensemble is not None:
         row |= ensemble_figures(planned.ensemble, figures)
-        row["members_sides"] = sides_text(planned.ensemble, figures)
+        close = "too close to call: " * bool(close_sides(planned.ensemble, figures))
+        row["members_sides"] = close + side_shares(planned.ensemble, figures)
     row |= _described(current) | {
         "status": PLANNED,
         "reason": "",
@@ -297,8 +298,7 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
 def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> model.Case:
     """Return what the planner plans."""
     scenario, water = chart.scenario, chart.water
-    ends = np.array([case.start or scenario.start, case.goal or scenario.goal])
-    start, goal = ends if water.is_planar else water.projection.to_plane(ends)
+    start, goal = water.to_plane([case.start or scenario.start, case.goal or scenario.goal])
     voyage = model.Case(
         case.names[1],
         water,
@@ -407,9 +407,8 @@ def compared(
     if math.isfinite(keep):
         row["keep_fuel"] = keep
         row["saving_percent"] = 100 * (keep - route.fuel) / keep
-        if leaves is not None:
-            duration_s = planned.measures.routes[0].duration_s * keep / route.fuel
-            row["keep_arrival"] = leaves + timedelta(seconds=round(duration_s))
+        duration_s = planned.measures.routes[0].duration_s * keep / route.fuel
+        row["keep_arrival"] = _arrival(leaves, duration_s)
     return row
 
 

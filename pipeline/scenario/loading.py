@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pipeline.errors import Fault, Faults, RequestError
+from pipeline.errors import Fault, Faults, RequestError, refuse_any
 from pipeline.machine import paths
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE, ScenarioFile
@@ -86,8 +86,7 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
         *_missing_paths(scenario),
         *_misplaced_stops(scenario),
     ]
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return scenario
 
 
@@ -380,8 +379,7 @@ def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> No
             reason = f"{reason}; {hint}"
         if reason:
             faults.append(f"{key} = '{paths.shown(name)}' {reason}".lstrip())
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
 
 
 def with_currents(

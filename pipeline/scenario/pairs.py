@@ -6,13 +6,12 @@ table, and a property test compares random scenarios with it; of a voyage of one
 departure, a draught) is no pair: `loading` checks it.
 """
 
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
+from pipeline.texts import table_beside
 
 OF_THE_SCENARIO: dict[str, Callable[[Scenario], bool]] = {
     "a [plane]": lambda asked: asked.plane is not None,
@@ -58,8 +57,7 @@ class RefusedPair(NamedTuple):
     remedy: str = "leave one of the two out"
 
 
-_TABLE = tomllib.loads(Path(__file__).with_name("pairs.toml").read_text(encoding="utf-8"))
-PAIRS = tuple(RefusedPair(**pair) for pair in _TABLE["pairs"])
+PAIRS = tuple(RefusedPair(**pair) for pair in table_beside(__file__, "pairs.toml")["pairs"])
 """The pairs that are refused; at most 15, and each for one reason."""
 
 

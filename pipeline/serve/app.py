@@ -197,7 +197,6 @@ def _add_errors(app: FastAPI) -> None:
     app.add_exception_handler(PipelineError, failed)
 
 
-_GONE = 404, "there is no such file; if it was removed, plan the voyage again"
 # What a browser saves and does not open.
 _ANY = "application/octet-stream"
 _POLICY = "content-security-policy"
@@ -319,17 +318,14 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
         return [_brief(plan) for plan in plans.all()]
 
     @app.get("/api/plan/{identity}", response_model=None)
-    async def state(identity: _Identity) -> dict[str, Any] | Response:
+    async def state(identity: _Identity) -> dict[str, Any]:
         """How a plan goes: its state, the ways found so far, and its routes when they are known."""
-        plan = plans.get(identity)
-        return _unknown() if plan is None else state_of(plans, plan)
+        return state_of(plans, plans.get(identity))
 
     @app.delete("/api/plan/{identity}", response_model=None)
-    async def cancel(identity: _Identity, *, forget: bool = False) -> dict[str, Any] | Response:
+    async def cancel(identity: _Identity, *, forget: bool = False) -> dict[str, Any]:
         """Cancel a plan that waits or is at work; `forget` it, too: its files stay."""
         plan = plans.get(identity)
-        if plan is None:
-            return _unknown()
         plans.cancel(plan)
         if forget:
             plans.forget(plan)
@@ -340,11 +336,9 @@ def _add_kept(app: FastAPI, plans: Plans) -> None:
     """Serve what is kept of plans: their names, and what the map draws."""
 
     @app.put("/api/plan/{identity}/title", response_model=None)
-    async def entitle(identity: _Identity, title: _Title) -> dict[str, Any] | Response:
+    async def entitle(identity: _Identity, title: _Title) -> dict[str, Any]:
         """Give a plan a name for the list of plans."""
         plan = plans.get(identity)
-        if plan is None:
-            return _unknown()
         plan.title = title
         plans.keep(plan)
         return _brief(plan)
@@ -352,27 +346,18 @@ def _add_kept(app: FastAPI, plans: Plans) -> None:
     @app.get("/api/plan/{identity}/map", response_model=None)
     async def drawn(identity: _Identity) -> Response:
         """What the page's map draws of a plan, once its `maps` are counted."""
-        plan = plans.get(identity)
-        if plan is None or not plan.maps:
-            return _unknown()
+        plan = plans.get(identity, drawn=True)
         return FileResponse(plans.map_file(plan), media_type="application/json")
-
-
-def _unknown() -> Response:
-    """Return the answer where a plan is not known."""
-    return refused(404, "there is no such plan; the server keeps the latest ones only")
 
 
 def _brief(plan: AskedPlan) -> dict[str, Any]:
     """Return a plan's row in a list."""
-    return {
-        "id": plan.id,
-        "state": plan.state,
-        "name": plan.name,
-        "title": plan.title,
-        "asked_at": plan.asked_at,
-        "request": plan.request.model_dump(mode="json"),
-    }
+    kept = plan.kept()
+    return {name: kept[name] for name in ("id", "state", "name", "title", "asked_at", "request")}
+
+
+# What is told of a plan as it is.
+_SHOWN = "stages", "detail", "notes", "sides", "maps", "faults", "files", "version"
 
 
 def state_of(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
@@ -381,16 +366,9 @@ def state_of(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
         **_brief(plan),
         "command": plans.command(plan),
         "before": plans.number_before(plan),
-        "stages": plan.stages,
-        "detail": plan.detail,
-        "notes": plan.notes,
+        **{name: getattr(plan, name) for name in _SHOWN},
         "drafts": [] if plan.sides else plan.drafts,
-        "sides": plan.sides,
-        "maps": plan.maps,
-        "faults": plan.faults,
-        "files": plan.files,
         "seconds": round(plan.seconds, 2),
-        "version": plan.version,
     }
 
 
@@ -400,22 +378,18 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
     @app.get("/api/plan/{identity}/files/{name}", response_model=None)
     async def one_file(identity: _Identity, name: str) -> Response:
         """Download one file of a plan."""
-        files = _files(plans, identity, name)
-        if not files:
-            return refused(*_GONE)
-        return FileResponse(files[0], filename=name, media_type=_ANY)
+        (file,) = _files(plans, identity, name)
+        return FileResponse(file, filename=name, media_type=_ANY)
 
     @app.get("/api/plan/{identity}/files.zip", response_model=None)
     def all_files(identity: _Identity) -> Response:
         """Download all files of a plan."""
-        plan = plans.get(identity)
-        if plan is None or not (files := _files(plans, identity)):
-            return refused(*_GONE)
+        files, name = _files(plans, identity), plans.get(identity).name
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
             for file in files:
-                archive.write(file, f"{plan.name}/{file.name}")
-        kept = f'attachment; filename="{plan.name}.zip"'
+                archive.write(file, f"{name}/{file.name}")
+        kept = f'attachment; filename="{name}.zip"'
         return Response(
             packed.getvalue(),
             media_type="application/zip",
@@ -425,17 +399,22 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
     @app.get("/plan/{identity}/report.html", include_in_schema=False, response_model=None)
     async def report(identity: _Identity) -> Response:
         """Show a plan's report; its scripts can ask nothing of this server."""
-        files, headers = _files(plans, identity, "report.html"), {_POLICY: REPORT_POLICY}
-        return FileResponse(files[0], headers=headers) if files else refused(*_GONE)
+        (file,) = _files(plans, identity, "report.html")
+        return FileResponse(file, headers={_POLICY: REPORT_POLICY})
 
 
 def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
-    """Return the files of a plan, or the one with a name; an empty list if one is missing."""
-    plan = plans.get(identity)
-    if plan is None or plan.directory is None:
-        return []
-    files = [plan.directory / file for file in plan.files if file == (name or file)]
-    return files if all(file.is_file() for file in files) else []
+    """Return the files of a plan, or the one with a name; NotTakenError if one is missing."""
+    files = [
+        plan.directory / file
+        for plan in plans.all()
+        if plan.id == identity and plan.directory is not None
+        for file in plan.files
+        if file == (name or file)
+    ]
+    if not files or not all(file.is_file() for file in files):
+        raise NotTakenError("there is no such file; if it was removed, plan the voyage again", 404)
+    return files
 
 
 def _add_given(app: FastAPI, files: GivenFiles) -> None:

@@ -10,12 +10,12 @@ Every request passes here first. A request that is refused reaches neither a fil
 """
 
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs
 
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -29,6 +29,7 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+# Headers of every answer that does not set them itself.
 _HEADERS = {
     "content-security-policy": _POLICY,
     "referrer-policy": "no-referrer",
@@ -98,7 +99,9 @@ class Guard:
 
         async def say(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message = {**message, "headers": [*_with_defaults(message["headers"])]}
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         refusal = self._refusal(scope)
@@ -149,16 +152,6 @@ def _refused_body(headers: Headers) -> Response | None:
         text = f"the body is longer than {MAX_BODY_BYTES:,} bytes; send files to {FILES}"
         return refused(413, text)
     return None
-
-
-def _with_defaults(headers: Iterable[tuple[bytes, bytes]]) -> Iterable[tuple[bytes, bytes]]:
-    """Yield an answer's own headers, and those of every answer that it did not set itself."""
-    own = list(headers)
-    names = {name.lower() for name, _ in own}
-    yield from own
-    for name, value in _HEADERS.items():
-        if name.encode() not in names:
-            yield name.encode(), value.encode()
 
 
 def refused(status: int, fault: str, headers: Mapping[str, str] | None = None) -> Response:

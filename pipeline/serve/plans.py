@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
-from pipeline.errors import Faults, PipelineError, RequestError
+from pipeline.errors import Faults, PipelineError, RequestError, refuse_any
 from pipeline.machine.files import write_whole, writing
 from pipeline.scenario import catalogue
 from pipeline.serve.worker import ServingWorker
@@ -213,8 +213,7 @@ class _DrawnAreas(BaseModel):
             given[option.key] = list(value) if option.most else value
         if self.route:
             given["route"] = faults.collect(lambda: str(files.path(str(self.route), "route")))
-        if faults.lines:
-            raise RequestError(faults.lines)
+        refuse_any(faults.lines)
         if self.areas:
             given["avoid"].append(str(files.keep(_geojson(self.areas), "areas.geojson")))
         return given
@@ -482,9 +481,13 @@ class Plans:
             self._ahead = options
             self._waiting.put_nowait(None)
 
-    def get(self, identity: str) -> AskedPlan | None:
-        """Return a plan by its id; None if it is not known."""
-        return self._plans.get(identity)
+    def get(self, identity: str, *, drawn: bool = False) -> AskedPlan:
+        """Return a plan by its id; NotTakenError if it is not known, or not yet `drawn`."""
+        plan = self._plans.get(identity)
+        if plan is None or (drawn and not plan.maps):
+            fault = "there is no such plan; the server keeps the latest ones only"
+            raise NotTakenError(fault, 404)
+        return plan
 
     def all(self) -> tuple[AskedPlan, ...]:
         """Return all plans that are kept, the latest first."""
@@ -524,7 +527,9 @@ class Plans:
             name = _PREPARING if plan is None else plan.id
             work = self._work[name] = asyncio.create_task(self._made(worker, plan))
             work.add_done_callback(partial(self._ended, name))
-            found = asyncio.create_task(_never() if plan is None else plan.is_found.wait())
+            # What is only prepared is never found before its work has ended.
+            is_found = asyncio.Event() if plan is None else plan.is_found
+            found = asyncio.create_task(is_found.wait())
             await asyncio.wait([work, found], return_when=asyncio.FIRST_COMPLETED)
             found.cancel()
             if not worker.is_running:
@@ -613,8 +618,3 @@ def _read_plans(folder: Path, output: Path) -> list[AskedPlan]:
             plan.directory = output / plan.name if plan.files else None
             plans.append(plan)
     return sorted(plans, key=lambda plan: plan.asked_at)[-_MAX_KEPT:]
-
-
-async def _never() -> None:
-    """Wait for ever."""
-    await asyncio.get_running_loop().create_future()

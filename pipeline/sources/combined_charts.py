@@ -10,22 +10,20 @@ positive up, in metres, and so is EMODnet's; a depth is positive down, unless it
 each node of a table counts.
 """
 
-import contextlib
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
 from scipy import ndimage
 
-from pipeline._types import BoolArray, FloatArray, Geometries
-from pipeline.errors import RequestError
+from pipeline._types import BoolArray, DataArray, Dataset, FloatArray, Geometries
+from pipeline.errors import RequestError, naming
 from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, DepthCover, KnownCells
 from pipeline.machine.paths import require_readable, shown
 from pipeline.machine.store import file_hash
@@ -41,9 +39,6 @@ from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.land.s57 import DATUMS
 from pipeline.sources.land.shapes import box_around, extract_polygons, repaired
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Standard names (CF table 85) of a depth, positive down.
 _DEPTHS = {
@@ -117,7 +112,7 @@ class DepthFile:
         if it can't be read, or has no depths in metres on a lon/lat grid: one line.
         """
         require_readable([path], "chart.depths")
-        with _refused(path):
+        with naming(f"chart.depths: {path.name}"):
             if fatal := fatal_files([path]):
                 raise ValueError(fatal[path])
             with open_dataset(path) as dataset:
@@ -134,7 +129,7 @@ class DepthFile:
         if min(window.lon.size, window.lat.size) < 2:
             return None
         shape = (window.lat.size, window.lon.size)
-        with _refused(self.path):
+        with naming(f"chart.depths: {self.path.name}"):
             if math.prod(shape) > _MAX_CELLS:
                 raise ValueError(
                     f"it has {shape[0]:,} x {shape[1]:,} cells in the region, more than "
@@ -159,20 +154,12 @@ class DepthFile:
             values = own.isel(places).transpose(*mesh.dims).values
             return self.sign * np.asarray(values, dtype=float)
 
-        with _refused(self.path), open_dataset(self.path) as dataset, reading():
+        place = f"chart.depths: {self.path.name}"
+        with naming(place), open_dataset(self.path) as dataset, reading():
             return Heights(window.lon, window.lat, mesh.highest(window.lon, window.lat, read))
 
 
-@contextlib.contextmanager
-def _refused(path: Path) -> Iterator[None]:
-    """Turn a ValueError about a file into a RequestError that names the file."""
-    try:
-        yield
-    except ValueError as error:
-        raise RequestError(f"chart.depths: {path.name}: {error}") from None
-
-
-def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
+def _described(path: Path, dataset: Dataset, positive: str) -> DepthFile:
     """Find the variable of an open file; ValueError where there is none that can be used."""
     name, sign = _variable(dataset)
     given = _SIGNS.get(positive)
@@ -202,6 +189,7 @@ def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
     if set(array.dims) != set(grid.dims):
         raise ValueError(grid_fault(array))
     attributes = {key.lower(): value for key, value in dataset.attrs.items()}
+    datum = attributes.get("verticaldatum", "")  # by its name, or its number in S-57
     return DepthFile(
         path=path,
         variable=name,
@@ -209,16 +197,11 @@ def _described(path: Path, dataset: "xr.Dataset", positive: str) -> DepthFile:
         sign=sign,
         title=attributes.get("title", ""),
         licence=attributes.get("license") or attributes.get("licence") or "",
-        datum=_datum(attributes.get("verticaldatum", "")),
+        datum=DATUMS.get(datum, datum if datum in DATUMS.values() else ""),
     )
 
 
-def _datum(stated: str) -> str:
-    """Return the datum that a file states by its name, or its number in S-57; else ""."""
-    return DATUMS.get(stated, stated if stated in DATUMS.values() else "")
-
-
-def _variable(dataset: "xr.Dataset") -> tuple[str, float | None]:
+def _variable(dataset: Dataset) -> tuple[str, float | None]:
     """Return the name of the variable, and the sign by which it becomes a height, if it is said."""
     there = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
     signs: dict[str, float | None] = {
@@ -242,7 +225,7 @@ def _variable(dataset: "xr.Dataset") -> tuple[str, float | None]:
     raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}{hint}")
 
 
-def _named_sign(name: str, array: "xr.DataArray") -> float | None:
+def _named_sign(name: str, array: DataArray) -> float | None:
     """Return the sign of a variable by its usual name; None where nothing says it."""
     said = " ".join((name, array.attrs.get("long_name", ""))).lower()
     is_of_roms = said.startswith("h bathymetry")  # ROMS, CROCO
@@ -250,7 +233,7 @@ def _named_sign(name: str, array: "xr.DataArray") -> float | None:
     return _SIGNS.get(array.attrs.get("positive", ""), usual)
 
 
-def _standard_sign(array: "xr.DataArray") -> float | None:
+def _standard_sign(array: DataArray) -> float | None:
     """Return the sign that a variable's standard name gives; None where it is another quantity."""
     standard = array.attrs.get("standard_name", "")
     if standard == _ELLIPSOID and _AT_SEA_LEVEL not in array.attrs.get("long_name", "").lower():

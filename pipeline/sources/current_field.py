@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
-from pipeline.geo.projection import METRES_PER_DEGREE
+from pipeline._types import BoolArray, FloatArray, Geometries
+from pipeline.geo.projection import METRES_PER_DEGREE, nearest_node
 from pipeline.model import Note
 
 # Number of points that are compared with the land at a time.
@@ -135,7 +135,7 @@ def water_without_data(field: Field, mask: LandMask, region: shapely.Polygon) ->
     lon, lat = _samples(west, east), _samples(south, north)
     x, y = np.meshgrid(lon, lat)
     water = ~mask.on_grid(lon, lat) & shapely.intersects_xy(region, x, y)
-    nearest = np.ix_(_nearest(field.lat, lat), _nearest(field.lon, lon))
+    nearest = np.ix_(nearest_node(field.lat, lat), nearest_node(field.lon, lon))
     lacking = water & field.gap[nearest]
     gap_in_water = field.gap & ~mask.on_grid(field.lon, field.lat)
     if not (lacking & gap_in_water[nearest]).any():
@@ -148,11 +148,6 @@ def water_without_data(field: Field, mask: LandMask, region: shapely.Polygon) ->
 def _samples(low: float, high: float) -> FloatArray:
     """Return the middles of equal parts of an interval."""
     return low + (high - low) * (np.arange(_SAMPLES_PER_SIDE) + 0.5) / _SAMPLES_PER_SIDE
-
-
-def _nearest(axis: FloatArray, values: FloatArray) -> IndexArray:
-    """Return the index of an ascending axis's node that is nearest to each value."""
-    return np.asarray(np.searchsorted((axis[1:] + axis[:-1]) / 2, values))
 
 
 def _distance_m(field: Field, points: FloatArray) -> float:

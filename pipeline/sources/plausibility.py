@@ -25,7 +25,7 @@ from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.projection import EARTH_RADIUS_M
 from pipeline.model import Note
 from pipeline.sources.current_field import Field, LandMask, find_shift
-from pipeline.sources.quantities import Quantity
+from pipeline.sources.quantities import SIZE, Quantity
 
 # Limits of the root mean square speed of moving water: (least width and height of the field in
 # degrees to which the limits apply; speed in m/s above which to warn; above which to refuse). Real
@@ -221,7 +221,7 @@ def assess_sizes(fields: Iterable[Field], labels: Sequence[str], quantity: Quant
         size = np.hypot(field.u, field.v)[~field.gap]
         most = float(size.max(initial=0.0))
         low = 0.0
-        if not quantity.has_direction:
+        if SIZE in quantity.grib_names:  # it has no direction
             low = float(field.u.min(where=~field.gap, initial=0.0))
         fault = f"it reaches {most:.3g} {quantity.unit}, above {quantity.most:g}"
         if low < 0:
@@ -282,7 +282,8 @@ def likeliest_variant(field: Field) -> tuple[str, float, float] | None:
     moving = np.isfinite(own) & (_variation(field) > 0)
     if np.count_nonzero(moving) < _MIN_CORNERS or across <= _STRAIGHT_SHARE * along:
         return None
-    block = _block_numbers(own.shape)[moving]
+    row, column = (np.arange(size) * _BLOCKS_PER_SIDE // size for size in own.shape)
+    block = (row[:, None] * _BLOCKS_PER_SIDE + column)[moving]
     candidates = {
         FLIPPED: (-field.u, field.v),
         SWAPPED: (field.v, field.u),
@@ -333,9 +334,3 @@ def _variation(field: Field) -> FloatArray:
         for other in (part[1:, 1:], part[1:, :-1], part[:-1, 1:]):
             total += (other - part[:-1, :-1]) ** 2
     return total
-
-
-def _block_numbers(shape: tuple[int, int]) -> IndexArray:
-    """Return the number of the block that each corner lies in: (ny, nx)."""
-    row, column = (np.arange(size) * _BLOCKS_PER_SIDE // size for size in shape)
-    return np.asarray(row[:, None] * _BLOCKS_PER_SIDE + column[None, :])

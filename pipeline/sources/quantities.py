@@ -6,10 +6,10 @@ of the models' own files. GRIB's are in the WMO's Manual on Codes (FM 92), and i
 128, 140 and 228 and NCEP's table 2 for edition 1.
 """
 
-import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+
+from pipeline.texts import table_beside
 
 Pair = tuple[str, str]
 """Names of an eastward component and its partner, or of a speed and its direction; of a quantity
@@ -76,16 +76,10 @@ class Quantity:
         """Whether it is the current of the water."""
         return self.name == CURRENT.name
 
-    @property
-    def has_direction(self) -> bool:
-        """Whether it has two components."""
-        return SIZE not in self.grib_names
-
 
 def _quantities() -> Iterator[Quantity]:
     """Yield the quantities of the table."""
-    table = Path(__file__).with_name("quantities.toml")
-    for name, row in tomllib.loads(table.read_text(encoding="utf-8")).items():
+    for name, row in table_beside(__file__, "quantities.toml").items():
         for key in {"standard_names", "polar_names", "variable_names"} & row.keys():
             row[key] = tuple((one, one) if isinstance(one, str) else tuple(one) for one in row[key])
         row["levels"] = tuple(map(tuple, row.get("levels", ())))

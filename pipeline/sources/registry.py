@@ -11,7 +11,7 @@ import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import assert_never
 
@@ -19,7 +19,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
-from pipeline.errors import RequestError, StageError
+from pipeline.errors import Faults, RequestError, StageError, refuse_any
 from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
@@ -183,19 +183,15 @@ def weather_grids(scenario: Scenario, season: Season) -> dict[str, CurrentGrid]:
     Raises RequestError if a file can't be read, or lacks the region or the departure; all faults
     are listed.
     """
-    found, faults = dict[str, CurrentGrid](), list[str]()
+    found, faults = dict[str, CurrentGrid](), Faults()
     region = Polygon() if scenario.region is None else scenario.region.shape
     for name, source in weather_files(scenario):
-        reason = source.uncovered_reason(region, season)
-        if reason:
-            faults.append(reason)
-            continue
-        try:
-            found[name] = source.current(region, season, Land((), (), 0.0), Path())
-        except RequestError as error:
-            faults += error.faults
-    if faults:
-        raise RequestError([f"limits: {fault}" for fault in dict.fromkeys(faults)])
+        read = partial(source.current, region, season, Land((), (), 0.0), Path())
+        if reason := source.uncovered_reason(region, season):
+            faults.lines.append(reason)
+        elif (grid := faults.collect(read)) is not None:
+            found[name] = grid
+    refuse_any([f"limits: {fault}" for fault in dict.fromkeys(faults.lines)])
     return found
 
 

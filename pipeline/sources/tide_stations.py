@@ -28,7 +28,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 import renew
 from pipeline._types import FloatArray, Geometries
-from pipeline.errors import Faults, RequestError
+from pipeline.errors import Faults, RequestError, refuse_any
 from pipeline.geo.projection import METRES_PER_DEGREE, Projection, position_text
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.model import Note
@@ -132,8 +132,7 @@ def read_station(path: Path) -> Station:
         faults += _faults(station)
     except RequestError as error:
         faults += error.faults
-    if faults:
-        raise RequestError([f"{shown_path(path.name)}: {fault}" for fault in faults])
+    refuse_any([f"{shown_path(path.name)}: {fault}" for fault in faults])
     return station
 
 
@@ -360,8 +359,7 @@ def stations_of(spec: TideSpec) -> tuple[Station, ...]:
         if Path(asked) not in official
     ]
     zones = faults.collect(lambda: read_levels(official)) or ()
-    if faults.lines:
-        raise RequestError(faults.lines)
+    refuse_any(faults.lines)
     return (
         *(
             Station(zone.source, {}, None, zone.datum, zone=zone.area, series=zone.series)

@@ -18,8 +18,8 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.errors import RequestError
+from pipeline._types import BoolArray, Dataset, FloatArray, IndexArray
+from pipeline.errors import refuse_any
 from pipeline.machine.paths import shown
 from pipeline.sources.cf.axes import merge_steps, read_steps, reference_time, time_axis
 from pipeline.sources.cf.dataset import fatal_files, open_dataset, reading
@@ -27,7 +27,6 @@ from pipeline.sources.cf.s100 import is_s100, option_of
 from pipeline.sources.land.s57 import DATUMS
 
 if TYPE_CHECKING:
-    import xarray as xr
     from scipy.interpolate import CubicSpline
 
 # Largest difference at any hour between a zone's first node and another, m: a third of the height
@@ -112,7 +111,7 @@ def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:
     no datum that is known: one line for each.
     """
     faults = [f"{shown(path.name)}: {fault}" for path, fault in fatal_files(paths).items()]
-    tiles: list[dict[Path, xr.Dataset]] = []
+    tiles: list[dict[Path, Dataset]] = []
     for path in paths if not faults else ():
         try:
             dataset = open_dataset(path)
@@ -130,22 +129,21 @@ def read_levels(paths: Sequence[Path]) -> tuple[LevelZone, ...]:
             zones += _zones(tile)
         except ValueError as error:
             faults.append(f"{_name(tile)}: {error}")
-    if faults:
-        raise RequestError([f"tide: {fault}" for fault in faults])
+    refuse_any([f"tide: {fault}" for fault in faults])
     return tuple(zones)
 
 
-def _name(tile: "dict[Path, xr.Dataset]") -> str:
+def _name(tile: dict[Path, Dataset]) -> str:
     """Name the files of a tile in a message."""
     return shown(next(iter(tile)).name) + (f" and {len(tile) - 1} more" if len(tile) > 1 else "")
 
 
-def _grid(dataset: "xr.Dataset") -> list[bytes]:
+def _grid(dataset: Dataset) -> list[bytes]:
     """Return the nodes of a dataset, to compare them."""
     return [dataset[name].values.tobytes() for name in ("lon", "lat")]
 
 
-def _check(dataset: "xr.Dataset") -> None:
+def _check(dataset: Dataset) -> None:
     """Raise ValueError for a dataset without levels of several hours, of a known datum, in m."""
     if _VARIABLE not in dataset.data_vars:
         hint = option_of(dataset)
@@ -163,7 +161,7 @@ def _check(dataset: "xr.Dataset") -> None:
         )
 
 
-def _zones(tile: "dict[Path, xr.Dataset]") -> Iterator[LevelZone]:
+def _zones(tile: dict[Path, Dataset]) -> Iterator[LevelZone]:
     """Yield the zones of forecasts on one grid, of which the later ones win."""
     datasets = list(tile.values())
     steps, index = merge_steps(
@@ -209,7 +207,7 @@ def _beside_water(levels: FloatArray) -> FloatArray:
     return np.where(np.isfinite(levels), levels, np.nan)
 
 
-def _corners(dataset: "xr.Dataset") -> FloatArray:
+def _corners(dataset: Dataset) -> FloatArray:
     """Return the corners (ny, nx, 4, 2), degrees, of the cells around nodes."""
     lon, lat = dataset["lon"].values, dataset["lat"].values
     x, y = np.meshgrid(lon, lat) if lon.ndim == 1 else (lon, lat)

@@ -14,7 +14,7 @@ import renew
 from pipeline.errors import Faults
 from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
-from pipeline.findings.result import RunResult, addressed, sea_notes, unsafe_notes
+from pipeline.findings.result import RunResult, addressed, adrift_notes, unsafe_notes, weather_notes
 from pipeline.findings.way_names import way_names
 from pipeline.geo.projection import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
@@ -67,7 +67,13 @@ def compare(
         result = replace(result, straits=straits.value)
     said, about_routes = tuple[Note, ...](), tuple[Note, ...]()
     with late.kept("the notes on choices"):
-        said = _said(result)
+        said = (
+            *speed_notes(result),
+            *replanned_notes(result),
+            *ensemble_notes(result),
+            *room_notes(water, results, scenario.planner),
+            *narrows_notes(water, results, scenario.planner),
+        )
     with late.kept("the notes on routes"):
         about_routes = _notes(result, pairs)
     notes = (*said, *about_routes)
@@ -101,17 +107,6 @@ def bounds_of_sides(result: Artefact[RunResult], store: Store, late: Faults) -> 
     return found
 
 
-def _said(result: RunResult) -> tuple[Note, ...]:
-    """Return the notes on speeds, members, a voyage planned again, and room for turns."""
-    return (
-        *speed_notes(result),
-        *replanned_notes(result),
-        *ensemble_notes(result),
-        *room_notes(result.water, result.results, result.scenario.planner),
-        *narrows_notes(result.water, result.results, result.scenario.planner),
-    )
-
-
 def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tuple[Note, ...]:
     """Return the notes on the routes and on unknowns."""
     return (
@@ -136,7 +131,7 @@ def safety_notes(result: RunResult) -> Iterator[Note]:
     """Yield notes on room to turn, a vessel without thrust, and weather on the best routes."""
     for case in result.cases:
         for best in case.routes[:1]:
-            for note in (*unsafe_notes(best), *sea_notes(best)):
+            for note in (*unsafe_notes(best), *adrift_notes(best), *weather_notes(best)):
                 yield note.about(case.name)
 
 

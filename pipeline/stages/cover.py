@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, refuse_any
 from pipeline.findings.result import RunCase, RunResult, addressed
 from pipeline.findings.text import hours, planner_text, season_text
 from pipeline.machine.interpreters import cores
@@ -92,8 +92,7 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
         for name, one in best.items()
         if lasts_s[name] < spent_s[name] + one.metrics.duration_s
     ]
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     places = [(haven.name, *haven.place.tolist()) for haven in havens]
     limits = spec.model_dump(mode="json", exclude={"path"})
 

@@ -20,6 +20,7 @@ from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import MachineError, PipelineError, RequestError, StageError
 from pipeline.findings.note_words import note_text
 from pipeline.findings.text import season_text
+from pipeline.geo.projection import GEOD
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, Note, Place
 from pipeline.model.inputs import CurrentSource, LandSource, current_notes, of_cases
@@ -148,10 +149,8 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
     """Set `max_hours` to its default if the case's currents change and it has no limit."""
     if not season.is_changing or season.max_hours is not None:
         return season
-    import pyproj
-
     lon, lat = zip(*scenario.stops.values(), strict=True)
-    apart_m = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
+    apart_m = GEOD.line_length(lon, lat)
     straight_hours = apart_m / scenario.vessel_in(season).speed_m_s / 3600
     wait = scenario.anchorage[1] if scenario.anchorage else timedelta()
     hours = _LONGEST_WAY * straight_hours + _DAY_HOURS + wait / timedelta(hours=1)
@@ -282,12 +281,14 @@ def overpowering_notes(
     for kind, cells in (("water-shut", always), ("water-shut-for-hours", sometimes)):
         if not cells.any() or (cells is sometimes and departure is None):
             continue
-        (row, column), most_m_s = _worst(grid, cells)
+        # The node with the strongest current.
+        strongest = np.where(cells, strength.max(axis=0), -1.0)
+        row, column = map(int, np.unravel_index(np.argmax(strongest), strongest.shape))
         yield Note.of(
             kind,
             share=_share(cells, is_water, lat),
             speed_m_s=speed_m_s,
-            most_m_s=most_m_s,
+            most_m_s=float(strongest[row, column]),
             place=Place(float(grid.lon[column]), float(grid.lat[row])),
             hours=tuple(
                 tuple(departure + timedelta(seconds=end) for end in spell)
@@ -302,13 +303,6 @@ def _share(some: BoolArray, water: BoolArray, lat: FloatArray) -> float:
     """Return the share of the water's area in some cells; a cell's width scales with cos(lat)."""
     area = np.cos(np.radians(lat))
     return float(area[some].sum() / area[water].sum())
-
-
-def _worst(grid: CurrentGrid, among: BoolArray) -> tuple[tuple[int, int], float]:
-    """Return the node (row, column) in `among` with the strongest current, and its speed, m/s."""
-    strongest = np.where(among, np.hypot(grid.u, grid.v).max(axis=0), -1.0)
-    row, column = np.unravel_index(np.argmax(strongest), strongest.shape)
-    return (int(row), int(column)), float(strongest[row, column])
 
 
 def _spells(

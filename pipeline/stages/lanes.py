@@ -11,16 +11,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import pyproj
 import shapely
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.geo.projection import GEOD
 from pipeline.model import Case, CaseResult, Place, Zone
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import in_plane
 
-_GEOD = pyproj.Geod(ellps="WGS84")
 # Angle between course and lane, degrees, above which a vessel sails against it: one that crosses
 # does so "as nearly as practicable at right angles".
 _AGAINST_DEG = 120.0
@@ -92,7 +91,7 @@ def _without_others(case: Case, result: CaseResult) -> CaseResult:
 def against_lanes(line: FloatArray, zones: Sequence[Zone]) -> Iterator[AgainstLane]:
     """Yield the lanes among zones that a line (n, 2), lon/lat degrees, sails against."""
     dense = shapely.get_coordinates(shapely.segmentize(shapely.LineString(line), _STEP_DEG))
-    course, _, _ = _GEOD.inv(*dense[:-1].T, *dense[1:].T)
+    course, _, _ = GEOD.inv(*dense[:-1].T, *dense[1:].T)
     steps = shapely.linestrings(np.stack([dense[:-1], dense[1:]], axis=1))
     for zone in zones:
         if zone.course_deg is None:
@@ -103,7 +102,7 @@ def against_lanes(line: FloatArray, zones: Sequence[Zone]) -> Iterator[AgainstLa
                 shapely.union_all(shapely.intersection(steps[off_deg > _AGAINST_DEG], zone.area))
             )
         )
-        lengths = [_GEOD.geometry_length(part) for part in parts]
+        lengths = [GEOD.geometry_length(part) for part in parts]
         if sum(lengths) >= _LEAST_M:
             middle = parts[int(np.argmax(lengths))].interpolate(0.5, normalized=True)
             yield AgainstLane(zone, float(sum(lengths)), Place(middle.x, middle.y))

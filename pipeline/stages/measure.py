@@ -17,8 +17,10 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.findings.route_profile import closest_approach
 from pipeline.findings.text import distance
-from pipeline.geo.projection import Projection, densified, share_without
+from pipeline.geo.coast import within
+from pipeline.geo.projection import DepthCover, KnownCells, Projection, densified, share_without
 from pipeline.model import (
     Case,
     CaseResult,
@@ -51,8 +53,6 @@ _MAX_POINTS = 1000
 # Length (true metres) of the pieces of a route whose distance from land is measured: the plane's
 # scale is nearly constant across each.
 _PIECE_M = 10_000.0
-# Land within this multiple of the smallest distance is measured again along geodesics.
-_NEARLY = 1.02
 # Segments per quadrant of the buffer around routes.
 _QUADRANT_SEGMENTS = 4
 # Factor on the buffer's width that compensates for what 16-sided circles cut off (2 %), with a
@@ -176,8 +176,8 @@ class _RouteEvaluator:
             land_m=land_m,
             land_lon=land_lon,
             land_lat=land_lat,
-            filled_share=self._filled_share(route),
-            uncharted_share=self._uncharted_share(route),
+            filled_share=self._share_without(route, self._case.current_cells, 0.0),
+            uncharted_share=self._share_without(route, self._case.water.depths, math.nan),
         )
         measured = replace(measured, **worst_met(self._case, route, self._options.drift))
         least, kept_m = route.least_water, self._case.under_keel_clearance_m
@@ -260,38 +260,18 @@ class _RouteEvaluator:
         )
 
     def _clearance_m(self, line: shapely.LineString) -> float:
-        """Return true metres from a route to the nearest original land; inf if there is no land.
+        """Return true metres from a route to the nearest original land; inf if there is no land."""
+        points = densified(shapely.get_coordinates(line), _PIECE_M / self._projection.scale)
+        closest = closest_approach(self._tree, points, self._projection)
+        return math.inf if closest is None else closest[1]
 
-        The nearest land in the plane may not be the nearest on earth, because the plane's scale
-        varies along the route. So all land within _NEARLY times the smallest distance is measured.
-        """
-        if not len(self._land):
-            return math.inf
-        projection = self._projection
-        points = densified(shapely.get_coordinates(line), _PIECE_M / projection.scale)
-        pieces = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
-        apart = self._tree.query_nearest(pieces, return_distance=True, all_matches=False)[1]
-        true = apart / projection.point_scale(projection.to_lonlat((points[:-1] + points[1:]) / 2))
-        near = true <= true.min() * _NEARLY
-        piece, land = self._tree.query(
-            pieces[near], predicate="dwithin", distance=apart[near] * _NEARLY
-        )
-        gaps = shapely.shortest_line(pieces[near][piece], self._land[land])
-        return min(projection.geodesic_length_m(shapely.get_coordinates(gap)) for gap in gaps)
-
-    def _filled_share(self, route: renew.Route) -> float:
-        """Return the share of a route in cells without a value in the current's source."""
-        cells = self._case.current_cells
-        if cells is None:
-            return 0.0
-        return share_without(route.path, self._projection, cells.at)
-
-    def _uncharted_share(self, route: renew.Route) -> float:
-        """Return the share of a route without charted depth; NaN if the chart has no depths."""
-        depths = self._case.water.depths
-        if depths is None:
-            return math.nan
-        return share_without(route.path, self._projection, depths.at)
+    def _share_without(
+        self, route: renew.Route, known: KnownCells | DepthCover | None, otherwise: float
+    ) -> float:
+        """Return the share of a route where nothing is known; `otherwise` if nothing could be."""
+        if known is None:
+            return otherwise
+        return share_without(route.path, self._projection, known.at)
 
     def _over_land(self, line: shapely.LineString) -> tuple[float, float, float]:
         """Return true metres of a route over original land, and lon, lat of the longest part."""
@@ -322,11 +302,7 @@ def land_within_reach(
     zone = shapely.union_all(
         shapely.buffer(paths, _BUFFER_RESERVE * float(reach), quad_segs=_QUADRANT_SEGMENTS)
     )
-    shapely.prepare(zone)
-    land = np.array(water.land, dtype=object)
-    near = land[shapely.intersects(zone, land)]
-    crosses = ~shapely.covers(zone, near)
-    near[crosses] = shapely.intersection(near[crosses], zone)
+    near = within(np.array(water.land, dtype=object), zone)
     return water.chart.with_no_go(extract_polygons(near))
 
 

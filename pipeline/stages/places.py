@@ -15,8 +15,8 @@ import shapely
 
 import renew
 from pipeline import model
-from pipeline._types import FloatArray, Geometries
-from pipeline.errors import NoWayError, RequestError
+from pipeline._types import Geometries
+from pipeline.errors import NoWayError, RequestError, refuse_any
 from pipeline.findings.text import moment_text
 from pipeline.geo.projection import Projection
 from pipeline.scenario.catalogue import has_world_land
@@ -56,9 +56,8 @@ def check_endpoints(scenario: Scenario, chart_water: model.Water) -> None:
     chart = chart_water.chart
     water = shapely.get_parts(chart.water)
     bodies, dry = dict[str, set[int]](), dict[str, shapely.Point]()
-    places = dict(
-        zip(scenario.stops, shapely.points(planar_stops(scenario, chart_water)), strict=True)
-    )
+    stops = shapely.points(chart_water.to_plane([*scenario.stops.values()]))
+    places = dict(zip(scenario.stops, stops, strict=True))
     for (name, given), here in zip(scenario.stops.items(), places.values(), strict=True):
         inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
         if not inside and given == scenario.start and scenario.under_way is not None:
@@ -224,8 +223,7 @@ def avoided_zones(
         # How accurate a coast is does not matter here.
         notes += (note for note in land.notes if note.kind != "accuracy-assumed")
         zones.append(model.Zone("shut", Path(area.path).stem, hours_text(area), shape))
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return tuple(zones), tuple(notes)
 
 
@@ -301,7 +299,9 @@ def fetched_plane(plane: Plane, scale: float) -> model.Fetched:
     credit = model.Credit(
         name="Obstacles of the scenario", kind="land", text=plane.credit, licence=""
     )
-    polygons = tuple(projection.geometry_to_lonlat(polygon) for polygon in _obstacles(plane))
+    polygons = tuple(
+        projection.geometry_to_lonlat(polygon) for polygon in map(shapely.Polygon, plane.obstacles)
+    )
     return model.Fetched(model.Land(polygons, (credit,), accuracy_m=0.0), ())
 
 
@@ -320,21 +320,13 @@ def unsimplified(land: model.Land) -> model.SimplifiedLand:
 
 def plane_water(scenario: Scenario, plane: Plane) -> model.Water:
     """Build the chart from the given metres; a detour over lon/lat would round them."""
-    obstacles, projection = _obstacles(plane), _projection(scenario.scale)
+    obstacles, projection = (
+        tuple(map(shapely.Polygon, plane.obstacles)),
+        _projection(scenario.scale),
+    )
     water = model.Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
     check_endpoints(scenario, water)
     return water
-
-
-def planar_stops(scenario: Scenario, water: model.Water) -> FloatArray:
-    """Return start, via points and goal in the plane (n + 2, 2)."""
-    given = np.array([*scenario.stops.values()], dtype=float)
-    return given if water.is_planar else water.projection.to_plane(given)
-
-
-def _obstacles(plane: Plane) -> tuple[shapely.Polygon, ...]:
-    """Return the obstacles as polygons in metres."""
-    return tuple(shapely.Polygon(corners) for corners in plane.obstacles)
 
 
 def _projection(scale: float) -> Projection:
@@ -506,8 +498,7 @@ def check_datum(chart: ChartSpec, land: model.Land, stations: Sequence[Station])
                 f"{station.datum}{_apart(station, datum)}; give a station's TOML file with datum = "
                 f"{datum!r}"
             )
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
 
 
 def _apart(station: Station, datum: str) -> str:

@@ -121,8 +121,11 @@ def plan_cases(
 
 
 def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -> Exception:
-    """Return the error that no case has a plan."""
-    reasons = _reasons(results)
+    """Return the error that no case has a plan, with the cases of each reason."""
+    cases: dict[str, list[str]] = {}
+    for result in results:
+        cases.setdefault(result.failure, []).append(result.name)
+    reasons = [f"{seasons_text(names)}: {failure}" for failure, names in cases.items()]
     if is_crash:
         return StageError("; ".join(reasons))
     if chosen.scenario.under_way is not None:  # at sea it is an answer, not a wrong request
@@ -163,11 +166,3 @@ def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iter
             owner=store.owner,
             havens=havens,
         )
-
-
-def _reasons(results: Sequence[CaseResult]) -> list[str]:
-    """Return one line for each reason of failure, with the cases that failed for it."""
-    cases: dict[str, list[str]] = {}
-    for result in results:
-        cases.setdefault(result.failure, []).append(result.name)
-    return [f"{seasons_text(names)}: {failure}" for failure, names in cases.items()]

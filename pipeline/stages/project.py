@@ -6,10 +6,7 @@ near the coast. A current's members come from its source, or are the current wit
 """
 
 import itertools
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -110,7 +107,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) ->
         or scenario.limits is not None
         or any(area.has_hours for area in scenario.avoid)
     )
-    stops = places.planar_stops(scenario, water)
+    stops = water.to_plane([*scenario.stops.values()])
     cases = []
     for season in scenario.seasons:
         grid = grids.get(season.name)
@@ -200,8 +197,12 @@ def members_of(
         return None
     if spec.spread is not None:
         return stirred(current, spec, bounds, water.projection.scale, seed)
-    planar = partial(planar_current, projection=water.projection, bounds=bounds)
-    return None if grid is None else from_source(grid, spec, planar)
+    if grid is None or not grid.members:
+        return None
+    of_members = [replace(grid, u=one.u, v=one.v, members=()) for one in grid.members]
+    fields = tuple(planar_current(one, water.projection, bounds) for one in of_members)
+    weights = np.array([one.weight for one in grid.members])
+    return MemberCurrents(tuple(one.name for one in grid.members), fields, weights, spec.choose)
 
 
 def extent_polygon(region: shapely.Polygon, projection: Projection) -> shapely.Polygon:
@@ -258,9 +259,6 @@ def _cell_m(grid: CurrentGrid) -> float:
     across = float(np.diff(grid.lon).min() * np.cos(np.radians(grid.lat.mean())))
     return max(min(up, across), up / _MAX_ASPECT) * METRES_PER_DEGREE
 
-
-Planar: TypeAlias = Callable[[CurrentGrid], renew.GriddedCurrent | renew.VaryingCurrent]
-"""Brings a current into the plane."""
 
 # Number of waves of the eddies of a member.
 _WAVES = 12
@@ -334,13 +332,3 @@ def _plus(base: renew.CurrentField, x: FloatArray, y: FloatArray, eddies: FloatA
         return renew.VaryingCurrent(base.slice_times, slices)
     u, v = np.moveaxis(base(np.stack(np.meshgrid(x, y), axis=-1)) + eddies, -1, 0)
     return renew.GriddedCurrent(x, y, u, v)
-
-
-def from_source(grid: CurrentGrid, spec: MembersSpec, planar: Planar) -> MemberCurrents | None:
-    """Return the members that a source has, or None; `planar` brings a current into the plane."""
-    if not grid.members:
-        return None
-    fields = [planar(replace(grid, u=one.u, v=one.v, members=())) for one in grid.members]
-    weights = np.array([one.weight for one in grid.members])
-    names = tuple(one.name for one in grid.members)
-    return MemberCurrents(names, tuple(fields), weights, spec.choose)

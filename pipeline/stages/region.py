@@ -10,7 +10,7 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries
-from pipeline.errors import Faults, RequestError
+from pipeline.errors import Faults, RequestError, refuse_any
 from pipeline.findings.note_words import MORE_CURRENTS
 from pipeline.findings.result import RunResult
 from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, Projection, bounds_of, common_bounds
@@ -87,16 +87,14 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
 
 def require_covered(scenario: Scenario) -> None:
     """Raise RequestError if no source covers a case, with a line for each reason."""
-    if faults := list(uncovered_seasons(scenario)):
-        raise RequestError(faults)
+    refuse_any(list(uncovered_seasons(scenario)))
 
 
 def require_sailable(scenario: Scenario) -> None:
     """Raise RequestError if no source covers a case, a stop lies on land, or a power is none."""
     planner_vessel(scenario.fastest_vessel)
     dry = endpoints_on_land(scenario, scenario.planner.snap)
-    if faults := [*uncovered_seasons(scenario), *dry]:
-        raise RequestError(faults)
+    refuse_any([*uncovered_seasons(scenario), *dry])
 
 
 def require_whole_files(scenario: Scenario) -> None:
@@ -126,8 +124,7 @@ def require_whole_files(scenario: Scenario) -> None:
         land = faults.collect(lambda: charted_land(scenario).land(region))
         if tide and land:
             faults.collect(lambda: check_datum(scenario.chart, land, stations_of(tide)))
-    if faults.lines:
-        raise RequestError(faults.lines)
+    refuse_any(faults.lines)
 
 
 def covered_by_currents(

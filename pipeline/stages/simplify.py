@@ -21,7 +21,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
-from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened
+from pipeline.geo.coast import covering_land, inner_land, opened, within
 from pipeline.geo.projection import MAX_EDGE_M, Projection, position_text
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import Land, Note, Place, SimplifiedLand, planner_vessel
@@ -98,7 +98,10 @@ def simplify_land(
         they are so on the original land.
     projection : the planner's plane, in which edges will be straight; by default the region's own.
     """
-    used_margin_m, notes = _margin_used(margin_m, accuracy_m)
+    used_margin_m, notes = margin_m or accuracy_m, tuple[Note, ...]()
+    if margin_m is not None and margin_m < accuracy_m:
+        used_margin_m = accuracy_m
+        notes += (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
     plane = replace(projection or Projection.for_region(region), scale=1.0)
     extent = plane.geometry_to_plane(region, MAX_EDGE_M)
     shapely.prepare(extent)
@@ -112,7 +115,7 @@ def simplify_land(
     planar_m = used_margin_m * stretch + rounding_m
     overlap_m = max(_OVERLAP * diagonal_m, 2 * used_margin_m)
     window = extent.buffer(overlap_m + planar_m + tolerance_m, join_style="mitre")
-    land = _planar_land(polygons, plane, window)
+    land = extract_polygons(within(in_plane(polygons, plane), window))
     cover = opened(
         covering_land(land, tolerance_m, planar_m, ends), land, extent, ends, planar_m + tolerance_m
     )
@@ -121,6 +124,9 @@ def simplify_land(
         for polygons in (cover.land, inner_land(land, tolerance_m, rounding_m), land)
     )
     check(outer, inner, charted, ends, plane)
+    if cover.narrowest is not None:
+        place, width_m = Place(*plane.to_lonlat(cover.narrowest).tolist()), cover.width_m
+        notes += (Note.of("margin-narrowed", margin_m=used_margin_m, width_m=width_m, place=place),)
     return SimplifiedLand(
         polygons=tuple(plane.geometry_to_lonlat(outer).tolist()),
         inner_polygons=tuple(plane.geometry_to_lonlat(inner).tolist()),
@@ -128,7 +134,7 @@ def simplify_land(
         vertices=_count_vertices(outer),
         tolerance_m=tolerance_m,
         margin_m=used_margin_m,
-        notes=(*notes, *_opening_notes(cover, used_margin_m, plane)),
+        notes=notes,
     )
 
 
@@ -141,13 +147,6 @@ def chosen_tolerance_m(accuracy_m: float, turning_radius_m: float, diagonal_m: f
     because a route turns by one to two radians in total round the capes that it passes.
     """
     return max(accuracy_m, _OF_RADIUS * turning_radius_m, _OF_DIAGONAL * diagonal_m)
-
-
-def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tuple[Note, ...]]:
-    """Return the larger of margin and accuracy, and a note if it is more than was asked for."""
-    if margin_m is None or margin_m >= accuracy_m:
-        return margin_m or accuracy_m, ()
-    return accuracy_m, (Note.of("margin-raised", margin_m=margin_m, accuracy_m=accuracy_m),)
 
 
 def check(
@@ -208,28 +207,7 @@ def _beyond(areas: Geometries, cover: Geometries) -> Geometries:
     return np.array(beyond, dtype=object)
 
 
-def _planar_land(
-    polygons: Sequence[shapely.Polygon], plane: Projection, window: shapely.Polygon
-) -> Geometries:
-    """Project and repair the land, and clip it to the window."""
-    planar = in_plane(polygons, plane)
-    shapely.prepare(window)
-    planar = planar[shapely.intersects(window, planar)]
-    crosses = ~shapely.covers(window, planar)
-    planar[crosses] = shapely.intersection(planar[crosses], window)
-    return extract_polygons(planar)
-
-
 def _count_vertices(polygons: Geometries) -> int:
     """Count the vertices of polygons; a ring's last point, equal to its first, is not counted."""
     rings = shapely.get_num_interior_rings(polygons).sum() + len(polygons)
     return int(shapely.get_num_coordinates(polygons).sum() - rings)
-
-
-def _opening_notes(cover: OpenWater, margin_m: float, plane: Projection) -> tuple[Note, ...]:
-    """Return a note if start and goal are connected only by a passage narrower than the margin."""
-    if cover.narrowest is None:
-        return ()
-    place = Place(*plane.to_lonlat(cover.narrowest).tolist())
-    note = Note.of("margin-narrowed", margin_m=margin_m, width_m=cover.width_m, place=place)
-    return (note,)

@@ -85,6 +85,9 @@ def run_tasks(
 ) -> None:
     """Run tasks, and report the status of each as it ends.
 
+    If a scheduler or all its workers die, the unfinished tasks are reported as failed. Raises
+    StageError if a scheduler can't be reached or has no workers, or a worker can't plan.
+
     Parameters
     ----------
     tasks : independent of each other.
@@ -102,7 +105,12 @@ def run_tasks(
     address = scheduler or dask.config.get("scheduler-address", None)
     limit = math.inf if limit_s is None else limit_s
     if address is not None:
-        _run_on_scheduler(tasks, address, on_status, limit)
+        waiting = _Tasks(tasks, on_status, tries=_TRIES)
+        with fleet(address, tasks[0].cases_path, limit) as fleet_of_workers:
+            try:
+                fleet_of_workers.run(waiting)
+            except StageError as error:
+                waiting.give_up(error)
     elif limit_s is not None:
         with LocalWorkers(min(len(tasks), cores()), limit_s=limit) as workers:
             workers.run(_Tasks(tasks, on_status, tries=1))
@@ -123,22 +131,6 @@ def _run_in_threads(
             on_status(run.result())
     finally:
         pool.shutdown(wait=False, cancel_futures=True)  # an interrupted run ends at once
-
-
-def _run_on_scheduler(
-    tasks: Sequence[StoredTask], address: str, on_status: Callable[[Status], None], limit_s: float
-) -> None:
-    """Run tasks on a scheduler's workers.
-
-    If the scheduler or all workers die, the unfinished tasks are reported as failed. Raises
-    StageError if the scheduler can't be reached or has no workers, or a worker can't plan.
-    """
-    waiting = _Tasks(tasks, on_status, tries=_TRIES)
-    with fleet(address, tasks[0].cases_path, limit_s) as workers:
-        try:
-            workers.run(waiting)
-        except StageError as error:
-            waiting.give_up(error)
 
 
 class _Tasks:

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyproj
 import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.findings.names import MANIFEST, SCHEMA_VERSION, season_stem, without_folders
+from pipeline.findings.names import MANIFEST, SCHEMA_VERSION, safe_name, without_folders
 from pipeline.findings.text import json_value
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import GEOD, Projection
 from pipeline.machine.paths import expanded, shown, unreadable_reason
 from pipeline.machine.store import Artefact, artefact_key
 from pipeline.model import Case, CaseResult, Fetched, SimplifiedLand, VoyageBefore
@@ -35,7 +34,6 @@ _FURTHEST_M = 50_000.0
 _STEP_M = 100.0
 # Keys of a scenario on which the plan does not depend.
 _MAY_DIFFER = ("havens", "outputs", "title")
-_GEOD = pyproj.Geod(ellps="WGS84")
 
 
 def scenario_before(voyage: UnderWay) -> Scenario:
@@ -213,7 +211,7 @@ def _planar_heading(
     """Return a true heading at the start as one in the plane, rad anticlockwise from x."""
     if heading_deg is None:
         return None
-    ahead = _GEOD.fwd(*asked.start, heading_deg, _STEP_M)[:2]
+    ahead = GEOD.fwd(*asked.start, heading_deg, _STEP_M)[:2]
     step = projection.to_plane(ahead) - projection.to_plane(asked.start)
     return math.atan2(step[1], step[0])
 
@@ -249,26 +247,19 @@ class FinishedSeason:
     @property
     def fuel(self) -> float:
         """The fuel of the best route, in the planner's units; RequestError if it isn't there."""
+        best = {"feature": "route", "rank": 1}
         try:
-            return float(self._best_route["properties"]["fuel"])
+            features = _read(self._features)["features"]
+            every = (one["properties"] for one in features)
+            return float(next(one for one in every if best.items() <= one.items())["fuel"])
         except (KeyError, TypeError, ValueError, StopIteration, AttributeError) as error:
             raise _damaged(self._features, error) from None
 
     @property
     def _features(self) -> Path:
         """The file of the routes."""
-        stem = season_stem(self.scenario["name"], self.season["name"])
+        stem = safe_name(f"{self.scenario['name']}-{self.season['name']}")
         return self.folder / f"{stem}.geojson"
-
-    @property
-    def _best_route(self) -> dict[str, Any]:
-        """Return the feature of the best route."""
-        best = {"feature": "route", "rank": 1}
-        features = _read(self._features)["features"]
-        found: dict[str, Any] = next(
-            one for one in features if best.items() <= one["properties"].items()
-        )
-        return found
 
 
 def finished_season(results: Path, season: str) -> FinishedSeason:

@@ -6,15 +6,15 @@ It is no pydantic model, because the command line is made from it and has to sta
 which takes as long to load as all the rest.
 """
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal, TypeVar
 
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, refuse_any
 from pipeline.machine.paths import folder_to_write
+from pipeline.texts import table_beside
 
 Asker = Literal["command", "page", "python"]
 Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number"]
@@ -92,7 +92,7 @@ class Option:
         return [word for given in values or () if given for word in (self.typed, str(given))]
 
 
-_ABOUT = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
+_ABOUT = table_beside(__file__, "options.toml")
 
 
 def options(table: type[Any]) -> tuple[Option, ...]:
@@ -156,8 +156,7 @@ def read(
             faults += [f"{place}{'' if line.startswith(':') else ' '}{line}" for line in lines]
     blank = {option.field: None for option in options(table)}
     faults += rules(SimpleNamespace(**blank | values), SimpleNamespace(**blank | asked), at)
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return table(**values)
 
 

@@ -149,7 +149,7 @@ def adrift(
         return points, seconds[worst, every], ends
 
     share = np.linspace(0.0, 1.0, _STATIONS + 1)
-    found = follow(share)
+    found = [*follow(share)]
     for _ in range(_HALVINGS):
         between = np.flatnonzero(_jumps(found[1]))
         if not len(between):
@@ -157,12 +157,7 @@ def adrift(
         more = (share[between] + share[between + 1]) / 2
         order = np.argsort(np.concatenate([share, more]), kind="stable")
         share = np.concatenate([share, more])[order]
-        old, new = found, follow(more)
-        found = (
-            np.concatenate([old[0], new[0]])[order],
-            np.concatenate([old[1], new[1]])[order],
-            np.concatenate([old[2], new[2]])[order],
-        )
+        found = [np.concatenate(both)[order] for both in zip(found, follow(more), strict=True)]
     points, seconds, ends = found
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     lengths *= chart.true_metres((points[:-1] + points[1:]) / 2)

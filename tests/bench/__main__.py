@@ -4,8 +4,6 @@ Name some, as in `python -m tests.bench gyre islands`, to measure these only. Wi
 figures that pages quote are written to docs/figures/SUITE.csv.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Time of a call, warm: what the code takes on a quiet machine; and of a command."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -6,8 +6,6 @@ A window is asked for as `renew go --until` does: departures half an hour apart 
 window, then what the proof needs, in whole minutes.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

@@ -6,8 +6,6 @@ water: no planner's code says so. Land that no raster cell parts counts as one i
 narrower strait can be sailed is a matter of margin and padding.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

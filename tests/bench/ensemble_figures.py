@@ -1,7 +1,5 @@
 """Figures of plans in ensembles: bounds, coverage, calibration, and sides that are equal."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from typing import Literal

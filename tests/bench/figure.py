@@ -1,7 +1,5 @@
 """One figure: what was asked and what was reached; and the files of figures that pages quote."""
 
-from __future__ import annotations
-
 import csv
 import subprocess
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 It prints the tables of docs/how-to/nightly.md; a test compares them.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

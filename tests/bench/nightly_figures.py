@@ -4,8 +4,6 @@ The full figures take hours: RENEW_NIGHT_PLANS (60 by default) and RENEW_NIGHT_S
 say how many plans are made in Palawan and on the single gyre; 0 leaves a night out.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

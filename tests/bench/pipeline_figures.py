@@ -1,7 +1,5 @@
 """Figures of the pipeline as a user runs it, times until RENEW answers, and a real archipelago."""
 
-from __future__ import annotations
-
 import csv
 import tempfile
 from collections.abc import Iterator

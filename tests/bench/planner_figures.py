@@ -1,7 +1,5 @@
 """Figures of the planner: padding, the gyre, random scenes, first classes, times."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal, TypeAlias

@@ -1,7 +1,5 @@
 """The paper's scenes by the default method: the figures of the paper map."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from unittest import mock

@@ -4,8 +4,6 @@ The side by scale, chart, vessel, season and method. What binds is the room that
 offing: each voyage is planned as its page says, and again without padding at the same offing.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Iterator

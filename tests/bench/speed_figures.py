@@ -1,7 +1,5 @@
 """Figures of chosen speeds: least fuel by a deadline, beside exact figures and an optimizer."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

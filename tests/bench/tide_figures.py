@@ -1,7 +1,5 @@
 """Figures of the tide: streams that turn round Palawan, and heights beside libraries and NOAA."""
 
-from __future__ import annotations
-
 import tempfile
 import tracemalloc
 from collections.abc import Iterator

@@ -7,8 +7,6 @@ grid Dijkstra and transversals say what the way costs. Sixty waters take an hour
 `python -m tests.bench.waters_figures 0 40 100 120` also writes docs/figures/waters.csv.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import time

@@ -1,7 +1,5 @@
 """Scenes of the experiments' tests."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

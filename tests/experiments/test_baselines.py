@@ -1,7 +1,5 @@
 """Every baseline: its path leads from start to goal, clear of what it has to keep off."""
 
-from __future__ import annotations
-
 import dataclasses
 import pickle
 from collections.abc import Sequence

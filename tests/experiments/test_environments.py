@@ -1,7 +1,5 @@
 """Environments: charts with as few vertices as the paper's, and the side that a path passes on."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The padding that rivals keep: no more than ours, and no hole where no route of ours passes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

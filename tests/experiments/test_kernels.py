@@ -1,7 +1,5 @@
 """Compiled primitives of the baselines against OMPL, shapely and SciPy."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import os

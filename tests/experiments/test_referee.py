@@ -1,7 +1,5 @@
 """The referee against calculations that share no code with it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

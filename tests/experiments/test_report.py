@@ -1,7 +1,5 @@
 """What the report says of its tables, and how it shows them."""
 
-from __future__ import annotations
-
 import pytest
 
 from experiments.report.page import _groups, _row_class

@@ -1,7 +1,5 @@
 """The whole run: tables, report, and what is said where something is missing."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

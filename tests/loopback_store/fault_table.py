@@ -3,8 +3,6 @@
 A row says what goes wrong, and what the message must contain.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

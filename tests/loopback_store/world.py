@@ -3,8 +3,6 @@
 The island is as large as a chunk of the store, so that one chunk has no data at all.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Random islands in lon/lat for tests of the simplification of land."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """A run whose vessel chooses its speed from leg to leg: an island in a steady current, planned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import timedelta
 from functools import cache

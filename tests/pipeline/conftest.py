@@ -1,7 +1,5 @@
 """Fixtures of the pipeline's tests: land that takes seconds to fetch is fetched once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A Dask scheduler and its workers, each a process of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import secrets

@@ -4,8 +4,6 @@ Each takes a second or a part of it each time. A program reads a few files of cu
 all back; the tests read hundreds. As a module that a Dask worker loads first, it does so there.
 """
 
-from __future__ import annotations
-
 import atexit
 import functools
 

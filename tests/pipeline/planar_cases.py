@@ -1,7 +1,5 @@
 """The case of a scenario in a plane, for tests of the stages from there on."""
 
-from __future__ import annotations
-
 from pipeline.model import Case
 from pipeline.scenario.model import Scenario
 from pipeline.stages.places import fetched_plane, unsimplified

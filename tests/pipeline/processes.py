@@ -1,7 +1,5 @@
 """Runs in processes of their own, to be stopped and killed."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

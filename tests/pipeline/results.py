@@ -1,7 +1,5 @@
 """What a run finds, for tests that read none of its files."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace

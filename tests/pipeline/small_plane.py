@@ -1,7 +1,5 @@
 """A small scenario in a plane, planned in a second."""
 
-from __future__ import annotations
-
 
 def small_plane(name: str, classes: int = 1) -> str:
     """Return a valid scenario as TOML: one obstacle between start and goal, one season."""

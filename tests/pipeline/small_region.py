@@ -1,7 +1,5 @@
 """A small region across the middle of Palawan that is quick to plan in."""
 
-from __future__ import annotations
-
 
 def small_region(name: str) -> str:
     """Return a scenario's first lines as TOML: all but its chart, seasons and planner."""

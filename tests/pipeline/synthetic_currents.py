@@ -1,7 +1,5 @@
 """Random currents for tests, without divergence, and functions that write them to files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

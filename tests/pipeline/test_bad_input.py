@@ -1,7 +1,5 @@
 """Bad input gets one-line errors with value and remedy, exit code 2, and nothing is written."""
 
-from __future__ import annotations
-
 import re
 import time
 import tomllib

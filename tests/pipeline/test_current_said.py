@@ -1,7 +1,5 @@
 """Every output names the current that was planned with and its date, where its format can."""
 
-from __future__ import annotations
-
 import sqlite3
 from pathlib import Path
 

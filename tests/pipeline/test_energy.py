@@ -1,7 +1,5 @@
 """A vessel with a power: energy in the figures, what is left, and what battery and tank allow."""
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import replace

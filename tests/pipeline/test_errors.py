@@ -1,7 +1,5 @@
 """Faults are printed in a limited number of lines of limited length, however many they are."""
 
-from __future__ import annotations
-
 import pickle
 
 from pipeline.errors import Fault, RequestError, StageError

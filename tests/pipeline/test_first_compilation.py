@@ -1,7 +1,5 @@
 """Compilation beside a first run: it compiles all that a plan calls, and never delays the run."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Names that act on terminals, viewers and spreadsheets, through each input: none gets out."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

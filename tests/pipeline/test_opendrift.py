@@ -1,7 +1,5 @@
 """Hours adrift beside OpenDrift's, where an interpreter has it (OPENDRIFT_PYTHON)."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

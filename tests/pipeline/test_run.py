@@ -1,7 +1,5 @@
 """A whole run: its results, resumption, and independent seasons."""
 
-from __future__ import annotations
-
 import csv
 import json
 import threading

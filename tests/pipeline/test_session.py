@@ -1,7 +1,5 @@
 """Runs that share an output folder: nobody removes or replaces what is another's."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

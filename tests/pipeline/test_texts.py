@@ -1,7 +1,5 @@
 """Texts from outside: by Unicode's own tables, nothing of them acts on a terminal or a viewer."""
 
-from __future__ import annotations
-
 import csv
 import io
 import unicodedata

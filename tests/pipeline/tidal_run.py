@@ -1,7 +1,5 @@
 """A run whose current changes on the way: an island in a tide, really planned."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from functools import cache
 

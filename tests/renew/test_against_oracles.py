@@ -1,7 +1,5 @@
 """plan() against an independent grid search, and against itself in scenes that are moved."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Where machine code is cached, when it is compiled again, and Ctrl-C within it."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -1,7 +1,5 @@
 """One seed gives one plan, to the last bit: on one thread and on two, in any process."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable

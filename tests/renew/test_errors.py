@@ -1,7 +1,5 @@
 """Errors: the places they name, their way between processes, and the strait to blame."""
 
-from __future__ import annotations
-
 import math
 import pickle
 

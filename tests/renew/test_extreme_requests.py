@@ -1,7 +1,5 @@
 """Requests at the limits of what can be asked for: they plan as fast as others, or are refused."""
 
-from __future__ import annotations
-
 import math
 import time
 import tracemalloc

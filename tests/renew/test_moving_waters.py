@@ -1,7 +1,5 @@
 """Currents that change on the way: published optima, an oracle with a clock, the bound, turns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

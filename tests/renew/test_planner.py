@@ -1,7 +1,5 @@
 """plan(): the published figures, and what each of its arguments promises."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

@@ -1,7 +1,5 @@
 """Routes with their soft no-go zone, how a notebook shows a plan, and the public names."""
 
-from __future__ import annotations
-
 import gc
 import inspect
 import pickle

@@ -1,7 +1,5 @@
 """Shut areas are never entered, early, on time, late or in a turn: this module flies the routes."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tidal water: closed forms, an oracle with the clock, passages and turns that the test flies."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """After the rehearsal a fresh process compiles nothing, whatever plan it is asked for."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

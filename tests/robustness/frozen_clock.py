@@ -1,7 +1,5 @@
 """The command line under a clock that stands still: two runs of a scenario write the same bytes."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from datetime import UTC, datetime

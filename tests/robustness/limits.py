@@ -1,7 +1,5 @@
 """Limits on the robustness tests: the number of their cases, CPU time, memory; what broke them."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random

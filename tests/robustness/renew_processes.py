@@ -1,7 +1,5 @@
 """Runs of `renew` as a user starts them, and conditions that the end of each must meet."""
 
-from __future__ import annotations
-
 import collections
 import json
 import os

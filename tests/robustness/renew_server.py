@@ -3,8 +3,6 @@
 Each line of its input is a command; it answers with one line of JSON on how that ended.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import importlib

@@ -3,8 +3,6 @@
 Run as a program, whose memory is limited, it plans some and prints the outcome as JSON.
 """
 
-from __future__ import annotations
-
 import collections
 import json
 import math

@@ -3,8 +3,6 @@
 Commands are as they may be typed: any command and option, values and environments of any kind.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import resource

@@ -1,7 +1,5 @@
 """Damaged charts, currents and depths end a run with some lines, whatever the libraries do."""
 
-from __future__ import annotations
-
 import json
 import random
 import shutil

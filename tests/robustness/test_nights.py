@@ -1,7 +1,5 @@
 """Nights with any fault are refused in some lines; all cases that can be planned are planned."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

@@ -3,8 +3,6 @@
 Some arguments of right calls get a wrong type, shape or size.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import functools
 import gc

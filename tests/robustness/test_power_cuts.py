@@ -1,7 +1,5 @@
 """A power cut at any moment of a run: what is published is whole, and is mended next."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -3,8 +3,6 @@
 They are the catalogue's own, with their tables or their text changed.
 """
 
-from __future__ import annotations
-
 import copy
 import datetime as dt
 import json

@@ -1,7 +1,5 @@
 """Odd scenes are planned as promised or refused with a reason, in bounded time and memory."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

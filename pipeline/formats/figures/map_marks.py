@@ -61,13 +61,9 @@ def graticule(
     near = extent.buffer(tolerance, join_style="mitre")
     outline = projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length / 256))
     west, south, east, north = outline.bounds
-    step = graticule_step_deg(max(east - west, north - south))
+    most = max(east - west, north - south) / _MIN_LINES
+    step = next((one for one in _STEPS_DEG if one <= most), _STEPS_DEG[-1])
     return _lines(near, (west, south, east, north), step, projection.to_plane, _degrees)
-
-
-def graticule_step_deg(widest_deg: float) -> float:
-    """Return a round step of which at least three lie across an extent's longer side."""
-    return next((s for s in _STEPS_DEG if widest_deg / s >= _MIN_LINES), _STEPS_DEG[-1])
 
 
 def scale_bar_m(

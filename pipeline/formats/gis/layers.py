@@ -5,18 +5,15 @@
 
 import math
 import sqlite3
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from datetime import datetime
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import pyproj
 import shapely
 
 import renew
@@ -28,7 +25,9 @@ from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text, os_error
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text, time_after
+from pipeline.geo.projection import GEOD
 from pipeline.model import Case
+from pipeline.texts import table_beside
 
 _TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
 
@@ -46,9 +45,7 @@ ZONE_STEP_M = 10_000.0
 """Maximum length, true metres, of a segment of a zone's edge: the chart is no more accurate."""
 
 
-LAYERS: dict[str, dict[str, str]] = tomllib.loads(
-    files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")
-)
+LAYERS: dict[str, dict[str, str]] = table_beside(__file__, "layers.toml")
 """The layers of `routes.gpkg`, by name, in their order in the file: texts and type of geometry."""
 
 
@@ -380,14 +377,14 @@ def _areas(points: Waypoints, result: RunResult) -> Geometries:
     """Return the area of each leg between its limits; empty where both are 0."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.water.projection, _ERROR_M)
-    geod, line = pyproj.Geod(ellps="WGS84"), drawn.lonlat
-    ahead = np.asarray(geod.inv(line[:-1, 0], line[:-1, 1], line[1:, 0], line[1:, 1])[0])
+    line = drawn.lonlat
+    ahead = np.asarray(GEOD.inv(*line[:-1].T, *line[1:].T)[0])
     # The last point of a leg has the course on which the leg arrives there.
     last = np.append(drawn.leg[1:] != drawn.leg[:-1], True)
     course = np.where(last, np.roll(np.append(ahead, 0.0), 1), np.append(ahead, 0.0))
     sides = []
     for turn, limits in ((-90, points.port_m), (90, points.starboard_m)):
-        lon, lat, _ = geod.fwd(line[:, 0], line[:, 1], course + turn, limits[drawn.leg])
+        lon, lat, _ = GEOD.fwd(line[:, 0], line[:, 1], course + turn, limits[drawn.leg])
         lon = line[:, 0] + (lon - line[:, 0] + 180) % 360 - 180
         sides.append(np.stack([lon, lat], axis=-1))
     areas = [

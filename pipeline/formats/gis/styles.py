@@ -5,12 +5,10 @@ they depend on the run. A layer has the same style by itself and in the project.
 """
 
 import base64
-import tomllib
 import uuid
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -27,7 +25,7 @@ from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.figures.map_marks import speed_labels, speed_limits
 from pipeline.formats.gis.layers import LAYERS
 from pipeline.geo.projection import METRES_PER_DEGREE, Projection, bounds_of
-from pipeline.texts import clean
+from pipeline.texts import clean, table_beside
 
 # Width, metres on paper or screen, at which a map opens.
 _MAP_WIDTH_M = 0.25
@@ -200,9 +198,7 @@ def _environment() -> Environment:
     return loaded
 
 
-STYLES: dict[str, dict[str, Any]] = tomllib.loads(
-    files("pipeline.formats.gis").joinpath("styles.toml").read_text(encoding="utf-8")
-)
+STYLES: dict[str, dict[str, Any]] = table_beside(__file__, "styles.toml")
 """Layer -> how it is drawn, in the drawing order of layers, from the top down."""
 
 # Geometry type of a layer -> the kind of its symbols.

@@ -109,8 +109,7 @@ class _Flat:
 
     def xy(self, lonlat: FloatArray) -> FloatArray:
         """Return points (n, 2), degrees, in this plane."""
-        planar: FloatArray = (lonlat - self._origin) * self._metres
-        return planar
+        return np.asarray((lonlat - self._origin) * self._metres)
 
     def of(self, area: shapely.Geometry) -> shapely.Geometry:
         """Return an area of the planner's plane in this one."""
@@ -119,8 +118,7 @@ class _Flat:
 
     def lonlat(self, ring: FloatArray) -> FloatArray:
         """Return points (n, 2) of this plane in degrees, as they will be written."""
-        lonlat: FloatArray = np.round(ring / self._metres + self._origin, _DECIMALS)
-        return lonlat
+        return np.asarray(np.round(ring / self._metres + self._origin, _DECIMALS))
 
 
 def _beside(points: Waypoints) -> shapely.Geometry:

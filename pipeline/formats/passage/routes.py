@@ -248,7 +248,7 @@ def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attrib
             time = time_after(departure, seconds)
             values["eta" if index else "etd"] = f"{time:%Y-%m-%dT%H:%M:%SZ}"
         if index:
-            values["speed"] = f"{points.speed_m_s[index - 1] * KNOTS_PER_M_S:.4f}"
+            values["speed"] = _knots(points.speed_m_s[index - 1])
         yield values
 
 

@@ -7,7 +7,6 @@ cut at 180 degrees. Those for a map of the world are degrees, continuous across 
 `scripts/data.js` decodes both.
 """
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import route_profile
 from pipeline.findings.text import fuel_unit, zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
+from pipeline.geo.coast import within
 from pipeline.geo.projection import Projection
 from pipeline.model import RouteKey, Water
 from renew.results import unite_soft_no_go
@@ -117,16 +117,6 @@ def series(values: FloatArray) -> dict[str, object]:
     return {"step": step, "moves": moves.tolist()}
 
 
-def within(areas: Geometries, extent: shapely.Polygon) -> Geometries:
-    """Clip geometries (n,) to the extent; those inside stay unchanged."""
-    shapely.prepare(extent)
-    areas = areas[shapely.intersects(extent, areas)]
-    outside = ~shapely.covers(extent, areas)
-    clipped = areas.copy()
-    clipped[outside] = shapely.intersection(areas[outside], extent)
-    return clipped
-
-
 def coarser(areas: Geometries, tolerance: float, max_vertices: int) -> Geometries:
     """Simplify geometries (n,) with a growing tolerance until they have at most `max_vertices`.
 
@@ -142,12 +132,6 @@ def coarser(areas: Geometries, tolerance: float, max_vertices: int) -> Geometrie
         # A round visits all vertices: a larger factor takes fewer rounds where they are many.
         tolerance *= 4 if excess > 8 else 2
     return areas
-
-
-def json_for_script(data: object) -> str:
-    """Return JSON for a `<script>` element, without any `<` that could end it or open a comment."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def place_on_map(water: Water, place: FloatArray) -> str:

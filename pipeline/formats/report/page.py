@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from pipeline._types import FloatArray
@@ -44,11 +45,9 @@ from pipeline.formats.passage.waypoints import (
 from pipeline.formats.records import versions
 from pipeline.formats.report.map_data import (
     coarser,
-    json_for_script,
     map_data,
     numbered_sides,
     place_on_map,
-    within,
 )
 from pipeline.formats.tables import (
     has_speeds,
@@ -59,6 +58,7 @@ from pipeline.formats.tables import (
     tightest_place,
     tightest_text,
 )
+from pipeline.geo.coast import within
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
 from renew import Rejected
@@ -156,7 +156,9 @@ def gather(result: RunResult) -> dict[str, Any]:
         "seasons": [case_section(case) for case in result.cases],
         "speed_labels": speed_labels(limits) if has_current else (),
         # JSON without characters that could end its element.
-        "map_json": Markup(json_for_script(map_data(result, limits))),  # noqa: S704 - our own
+        "map_json": htmlsafe_json_dumps(
+            map_data(result, limits), separators=(",", ":"), allow_nan=False
+        ),
         # The interactive map's width to its height, so that the chart fills it.
         "map_ratio": min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin))),
         "zones": list(dict.fromkeys(text.zone_text(zone) for zone, _ in result.open_zones)),

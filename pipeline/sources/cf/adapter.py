@@ -22,7 +22,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, naming, refuse_any
 from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
@@ -163,7 +163,7 @@ class CfFiles(CurrentSource):
         """Read the files' contents, again only when the files have changed."""
         files = find_files(self.paths)
         stamps = tuple(_stamp(file) for file in files)
-        return _read_version(files, stamps, self.index, self.pair, self.quantity)
+        return _read_version(self, files, stamps)
 
 
 def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
@@ -175,16 +175,10 @@ def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str
 
 
 @lru_cache(maxsize=4)
-def _read_version(
-    files: tuple[Path, ...],
-    stamps: tuple[str, ...],
-    index: tuple[str, int] | None,
-    pair: tuple[str, str] | None,
-    quantity: Quantity,
-) -> Contents:
-    """Read the contents of files with these stamps."""
+def _read_version(source: CfFiles, files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
+    """Read the contents of a source's files with these stamps."""
     del stamps
-    return read_contents(files, index, pair, quantity)
+    return read_contents(files, source.index, source.pair, source.quantity)
 
 
 def _stamp(file: Path) -> str:
@@ -475,6 +469,7 @@ class CfMembers(CurrentSource):
             raise RequestError("members.weights leave less than two members; raise them")
         weights /= weights.sum()
         notes = dict.fromkeys(note for _, grid, _ in used for note in grid.notes)
+        # A mean has no value where any member has none.
         return replace(
             used[0][1],
             u=np.tensordot(weights, np.array([grid.u for _, grid, _ in used]), axes=1),
@@ -522,15 +517,11 @@ class CfMembers(CurrentSource):
 
 def _size_along(files: Sequence[Path], along: str) -> int:
     """Return the number of members along a dimension of the first file."""
-    if fatal := fatal_files(files[:1]):
-        raise RequestError(f"{files[0].name}: {fatal[files[0]]}")
-    try:
-        with open_dataset(files[0]) as dataset:
-            if along in dataset.sizes:
-                return int(dataset.sizes[along])
-            there = ", ".join(map(str, dataset.sizes))
-    except ValueError as error:
-        raise RequestError(f"{files[0].name}: {error}") from None
+    refuse_any([f"{file.name}: {fault}" for file, fault in fatal_files(files[:1]).items()])
+    with naming(files[0].name), open_dataset(files[0]) as dataset:
+        if along in dataset.sizes:
+            return int(dataset.sizes[along])
+        there = ", ".join(map(str, dataset.sizes))
     raise RequestError(
         f"{files[0].name} has no dimension {along!r} for members.along; it has {there}"
     )

@@ -17,18 +17,15 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pipeline._types import FloatArray
+from pipeline._types import DataArray, Dataset, FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values, reading
 from pipeline.sources.cf.mesh import SAME_SHARE
 from pipeline.texts import clean
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Units of longitude and latitude as CF 4.1 and 4.2 spell them, in lower case.
 _DEGREES = {
@@ -60,7 +57,7 @@ _MAX_LAT = 91.0
 _MAX_TURN = 1.02
 
 
-def axis_role(dataset: "xr.Dataset", dim: str) -> str:
+def axis_role(dataset: Dataset, dim: str) -> str:
     """Return a dimension's role: "lon", "lat", "time", "level", or "" where it is unknown."""
     attributes = dataset[dim].attrs if dim in dataset.variables else {}
     standard = str(attributes.get("standard_name", ""))
@@ -81,7 +78,7 @@ def axis_role(dataset: "xr.Dataset", dim: str) -> str:
     return ""
 
 
-def grid_fault(array: "xr.DataArray", pole: str = "") -> str:
+def grid_fault(array: DataArray, pole: str = "") -> str:
     """Say that a variable's grid is not known; `pole` is a mapping with a pole of its own."""
     dims = ", ".join(f"{dim} ({size})" for dim, size in array.sizes.items())
     return (
@@ -96,9 +93,7 @@ def grid_fault(array: "xr.DataArray", pole: str = "") -> str:
     )
 
 
-def level_of(
-    dataset: "xr.Dataset", dim: str, along: str, height_m: float
-) -> tuple[int, list[Note]]:
+def level_of(dataset: Dataset, dim: str, along: str, height_m: float) -> tuple[int, list[Note]]:
     """Return the index of a height over ground, m, or of the uppermost level of the sea for 0."""
     if not height_m:
         return surface_level(dataset, dim, along)
@@ -112,7 +107,7 @@ def level_of(
     return index, []
 
 
-def surface_level(dataset: "xr.Dataset", dim: str, along: str = "") -> tuple[int, list[Note]]:
+def surface_level(dataset: Dataset, dim: str, along: str = "") -> tuple[int, list[Note]]:
     """Return the index of the uppermost level, and notes; ValueError if it can't be told.
 
     `dim` is the levels' coordinate, and `along` their dimension, if it has another name.
@@ -152,7 +147,7 @@ def surface_level(dataset: "xr.Dataset", dim: str, along: str = "") -> tuple[int
     return index, [Note.of("current-at-depth", depth_m=depth_m)] * (depth_m > SURFACE_DEPTH_M)
 
 
-def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, FloatArray | None]":
+def time_axis(dataset: Dataset, dim: str) -> tuple[DataArray | None, FloatArray | None]:
     """Return the time coordinate and its bounds (n, 2); None twice for one step without a time."""
     if dim not in dataset.variables:
         if dataset.sizes[dim] == 1:
@@ -164,7 +159,7 @@ def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, Fl
     return time, _bounds(dataset, dim, values.size)
 
 
-def _bounds(dataset: "xr.Dataset", dim: str, size: int) -> FloatArray | None:
+def _bounds(dataset: Dataset, dim: str, size: int) -> FloatArray | None:
     """Return bounds (n, 2) of a coordinate; None where it has none."""
     name = dataset[dim].attrs.get("bounds", "")
     bounds = dataset.variables.get(name)
@@ -176,7 +171,7 @@ def _bounds(dataset: "xr.Dataset", dim: str, size: int) -> FloatArray | None:
     return values
 
 
-def coordinate_axis(dataset: "xr.Dataset", dim: str, period: float = 0.0) -> FloatArray:
+def coordinate_axis(dataset: Dataset, dim: str, period: float = 0.0) -> FloatArray:
     """Return an axis in degrees, which ascends or descends; ValueError if it is none.
 
     An axis with a period is unwrapped: its values may go on beyond 360 degrees.
@@ -211,7 +206,7 @@ def coordinate_axis(dataset: "xr.Dataset", dim: str, period: float = 0.0) -> Flo
     return values
 
 
-def coordinate_names(dataset: "xr.Dataset", dim: str) -> tuple[str, ...]:
+def coordinate_names(dataset: Dataset, dim: str) -> tuple[str, ...]:
     """Read the names along a dimension; ValueError where it has none, or has one twice."""
     values: list[Any] = []
     if dim in dataset.variables and dataset.variables[dim].ndim == 1:
@@ -326,7 +321,7 @@ class TimeSteps:
 
 
 def read_steps(
-    time: "xr.DataArray | None",
+    time: DataArray | None,
     bounds: FloatArray | None,
     **about: Any,  # noqa: ANN401 - as below
 ) -> TimeSteps:
@@ -359,7 +354,7 @@ def read_steps(
     return TimeSteps(tuple(stamps), labels=labels, **about)
 
 
-def calendar_notes(dataset: "xr.Dataset", clock: str) -> list[Note]:
+def calendar_notes(dataset: Dataset, clock: str) -> list[Note]:
     """Note that the dates of a time coordinate are not of the calendar that it states."""
     if clock not in dataset.variables or dataset[clock].attrs.get("calendar") != _JULIAN:
         return []
@@ -368,7 +363,7 @@ def calendar_notes(dataset: "xr.Dataset", clock: str) -> list[Note]:
 
 
 def step_method(
-    array: "xr.DataArray", dim: str, names: Iterable[str], *, has_maxima: bool = False
+    array: DataArray, dim: str, names: Iterable[str], *, has_maxima: bool = False
 ) -> dict[str, Any]:
     """Return `by` and `width` of a variable's TimeSteps, by its attributes or its file's names.
 
@@ -490,7 +485,7 @@ def label(moment: datetime) -> str:
     return moment.isoformat()[:10] if is_day else f"{moment.isoformat()[:16]}Z"
 
 
-def _months(time: "xr.DataArray", values: FloatArray, units: str) -> tuple[int, ...]:
+def _months(time: DataArray, values: FloatArray, units: str) -> tuple[int, ...]:
     """Return months of a climatology; empty where the time has real years."""
     if " since " not in units:
         numbers = tuple(round(value) for value in values)
@@ -502,7 +497,7 @@ def _months(time: "xr.DataArray", values: FloatArray, units: str) -> tuple[int, 
     return ()
 
 
-def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[datetime]:
+def decoded_times(time: DataArray, values: FloatArray, units: str) -> list[datetime]:
     """Return moments in UTC, rounded to the second: days in float32 are not more exact."""
     import netCDF4
 
@@ -546,7 +541,7 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
     return moments
 
 
-def reference_time(dataset: "xr.Dataset") -> datetime | None:
+def reference_time(dataset: Dataset) -> datetime | None:
     """Return the reference time (aware, UTC) of an open file: of its variable, or an attribute."""
     for name, variable in dataset.variables.items():
         if variable.attrs.get("standard_name") == _ATTRIBUTES[0]:

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from pipeline._types import FloatArray
-from pipeline.errors import RequestError
+from pipeline._types import DataArray, Dataset, FloatArray
+from pipeline.errors import RequestError, naming, refuse_any
 from pipeline.geo.projection import Bounds
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
@@ -34,9 +34,6 @@ from pipeline.sources.cf.dataset import (
 )
 from pipeline.sources.cf.mesh import Axes, SourceMesh
 from pipeline.sources.quantities import CURRENT, Pair, Quantity
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Words in units of speed and length, and the symbols that stand for them.
 _SYMBOLS = {
@@ -77,7 +74,7 @@ class Component:
 
 def read_component(
     file: Path,
-    dataset: "xr.Dataset",
+    dataset: Dataset,
     name: str,
     along: str = "",
     index: tuple[str, int] | None = None,
@@ -144,7 +141,7 @@ def read_component(
 
 
 def _place_along(
-    array: "xr.DataArray", dim: str, index: tuple[str, int] | None
+    array: DataArray, dim: str, index: tuple[str, int] | None
 ) -> tuple[int, list[Note]]:
     """Return the place along a dimension of no known role, with notes; ValueError without one."""
     size = array.sizes[dim]
@@ -161,7 +158,7 @@ def _place_along(
     )
 
 
-def _unit(array: "xr.DataArray", quantity: Quantity) -> tuple[float, list[Note]]:
+def _unit(array: DataArray, quantity: Quantity) -> tuple[float, list[Note]]:
     """Return a unit in the quantity's, or a direction's in degrees; ValueError without one."""
     units = str(array.attrs.get("units", "")).strip()
     if _is_direction(array):
@@ -181,7 +178,7 @@ def _unit(array: "xr.DataArray", quantity: Quantity) -> tuple[float, list[Note]]
     return unit, [] if unit == 1 else [converted]
 
 
-def _is_direction(array: "xr.DataArray") -> bool:
+def _is_direction(array: DataArray) -> bool:
     """Whether a variable is a direction, by its standard name, or its own name and its unit."""
     unit = str(array.attrs.get("units", "")).strip().lower()
     is_called = "dir" in str(array.name).lower() and unit in _DEGREES
@@ -329,8 +326,7 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
                 remedy = f"; {_REMEDY}" if why == NOT_THERE else ""
                 faults += [f"{shown(match)} {why}{remedy}"]
         files += [Path(match) for match in matches]
-    if faults:
-        raise RequestError(faults)
+    refuse_any(faults)
     return tuple(files)
 
 
@@ -346,9 +342,8 @@ def read_contents(
     RequestError if they can't be read, or have no such field on a lon/lat grid: one line for each
     fault.
     """
-    if fatal := fatal_files(files):
-        raise RequestError([f"{file.name}: {fault}" for file, fault in fatal.items()])
-    datasets: dict[Path, xr.Dataset] = {}
+    refuse_any([f"{file.name}: {fault}" for file, fault in fatal_files(files).items()])
+    datasets: dict[Path, Dataset] = {}
     faults = []
     with contextlib.ExitStack() as stack:
         for file in files:
@@ -356,14 +351,13 @@ def read_contents(
                 datasets[file] = stack.enter_context(open_dataset(file, quantity))
             except ValueError as error:
                 faults.append(f"{file.name}: {error}")
-        if faults:
-            raise RequestError(faults)
+        refuse_any(faults)
         contents = _contents(files, datasets, index, asked, quantity)
         return replace(contents, quantity=quantity)
 
 
 def _together(
-    datasets: "Mapping[Path, xr.Dataset]", names: set[str]
+    datasets: Mapping[Path, Dataset], names: set[str]
 ) -> "Iterator[tuple[Path, tuple[Path, ...]]]":
     """Yield the files that have some variables, each with the files beside it.
 
@@ -390,7 +384,7 @@ def _together(
 
 def _contents(
     files: tuple[Path, ...],
-    datasets: "dict[Path, xr.Dataset]",
+    datasets: dict[Path, Dataset],
     index: tuple[str, int] | None,
     asked: tuple[str, str] | None,
     quantity: Quantity,
@@ -424,13 +418,10 @@ def _contents(
                         components.append(replace(component, beside=beside[file]))
                     except ValueError as error:
                         faults.append(f"{file.name}: {error}")
-    if faults:
-        raise RequestError(list(dict.fromkeys(faults)))
-    try:
+    refuse_any(list(dict.fromkeys(faults)))
+    with naming(name_of(files)):
         contents = _combined(files, datasets, *components_of, notes)
         frame = _frame(pair, contents, datasets)
-    except ValueError as error:
-        raise RequestError(f"{name_of(files)}: {error}") from None
     is_on_axes = isinstance(contents.grid, Axes)
     told = tuple(_frame_notes(pair, frame, quantity, is_on_axes=is_on_axes))
     return replace(contents, frame=frame, notes=(*contents.notes, *told))
@@ -452,7 +443,7 @@ def _frame_notes(
         yield taken(why=(f"as the speed and the direction {frame} which it moves",))
 
 
-def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") -> Frame:
+def _frame(pair: _Pair, contents: Contents, datasets: dict[Path, Dataset]) -> Frame:
     """Return what the two components of a pair are; ValueError where nothing says it."""
     (standard, name), (direction, _) = pair
     u, v = contents.u[0][0], contents.v[0][0]
@@ -482,7 +473,7 @@ def _frame(pair: _Pair, contents: Contents, datasets: "dict[Path, xr.Dataset]") 
 
 
 def _find_pair(
-    datasets: "Sequence[xr.Dataset]", asked: tuple[str, str] | None, quantity: Quantity
+    datasets: Sequence[Dataset], asked: tuple[str, str] | None, quantity: Quantity
 ) -> tuple[_Pair, tuple[Note, ...]]:
     """Find the two components, (standard name, name) each, with notes; ValueError without a pair.
 
@@ -627,7 +618,7 @@ def _notes(
         yield Note.of("current-without-tide")
 
 
-def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Contents:
+def _constants(files: tuple[Path, ...], datasets: dict[Path, Dataset]) -> Contents:
     """Return the contents of harmonic constants; RequestError as in `read_contents`."""
     if len(files) > 1:
         raise RequestError(
@@ -643,7 +634,7 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
             f"{file.name}: its harmonic constants lack {', '.join(lacking)}; give u_re, u_im, v_re "
             "and v_im, as `renew tide fit` writes them"
         )
-    try:
+    with naming(file.name):
         components = {
             name: read_component(
                 file, dataset, name, along="" if name.endswith("mean") else _CONSTITUENT
@@ -652,8 +643,6 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
         }
         require_one_grid(list(components.values()))
         names = axes.coordinate_names(dataset, _CONSTITUENT)
-    except ValueError as error:
-        raise RequestError(f"{file.name}: {error}") from None
     count = {part: 1 if part == "mean" else len(names) for part in parts}
     u, v = (
         tuple((components[f"{name}_{part}"], step) for part in parts for step in range(count[part]))
@@ -719,7 +708,7 @@ def _on_shared_grids(
 
 def _combined(
     files: tuple[Path, ...],
-    datasets: "dict[Path, xr.Dataset]",
+    datasets: dict[Path, Dataset],
     u: Sequence[Component],
     v: Sequence[Component],
     notes: tuple[Note, ...],

@@ -22,18 +22,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from inspect import signature
 from pathlib import Path
 from signal import Signals
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pipeline._types import FloatArray
+from pipeline._types import DataArray, Dataset, FloatArray, Variable
 from pipeline.machine.workers import Worker, WorkerEndedError
 from pipeline.sources.cf import grib, s100
 from pipeline.sources.quantities import CURRENT, Quantity
 from pipeline.texts import acts, clean
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Number of bytes within which the first message of a GRIB file begins: a bulletin's header may come
 # before it.
@@ -92,7 +89,7 @@ def reading() -> Iterator[None]:
             raise ValueError(f"it can't be read: {reason}; fetch it again") from None
 
 
-def open_dataset(path: Path, quantity: Quantity = CURRENT) -> "xr.Dataset":
+def open_dataset(path: Path, quantity: Quantity = CURRENT) -> Dataset:
     """Open a file without reading values or decoding times; ValueError where that fails.
 
     Of a GRIB file the dataset has the fields of one quantity.
@@ -135,7 +132,7 @@ def open_dataset(path: Path, quantity: Quantity = CURRENT) -> "xr.Dataset":
     return dataset
 
 
-def open_together(path: Path, beside: Sequence[Path], quantity: Quantity = CURRENT) -> "xr.Dataset":
+def open_together(path: Path, beside: Sequence[Path], quantity: Quantity = CURRENT) -> Dataset:
     """Open a file with what others add to it; ValueError where one of them can't be opened.
 
     Tiles of S-100 become one mesh of points. Any other file lends the variables that this one
@@ -162,7 +159,7 @@ def open_together(path: Path, beside: Sequence[Path], quantity: Quantity = CURRE
     return whole
 
 
-def _converted(path: Path, quantity: Quantity) -> "xr.Dataset | None":
+def _converted(path: Path, quantity: Quantity) -> Dataset | None:
     """Return a dataset made of a file of another format; None for NetCDF and Zarr."""
     if is_grib(path):
         grib.require_library()
@@ -203,7 +200,7 @@ def groups_of(path: Path) -> tuple[str, ...]:
         return tuple(dataset.groups)
 
 
-def coordinate_values(dataset: "xr.Dataset", name: str) -> FloatArray:
+def coordinate_values(dataset: Dataset, name: str) -> FloatArray:
     """Read a coordinate, or its bounds, as numbers; ValueError where it is something else."""
     variable = dataset.variables[name]
     _check_axis_size(name, variable.size)
@@ -212,7 +209,7 @@ def coordinate_values(dataset: "xr.Dataset", name: str) -> FloatArray:
         return np.asarray(variable.values, dtype=float)
 
 
-def check_values(array: "xr.DataArray") -> None:
+def check_values(array: DataArray) -> None:
     """Refuse a variable whose values are no numbers, or whose chunks do not fit in memory."""
     _check_is_number(str(array.name), array)
     chunks = array.encoding.get("chunksizes") or array.encoding.get("chunks") or ()
@@ -224,7 +221,7 @@ def check_values(array: "xr.DataArray") -> None:
         )
 
 
-def _check_is_number(name: str, variable: "xr.Variable | xr.DataArray") -> None:
+def _check_is_number(name: str, variable: Variable | DataArray) -> None:
     """Refuse a variable that holds text or anything else that is no number."""
     if variable.dtype.kind not in _NUMBERS:
         kind = "text" if variable.dtype.kind in _TEXT else "another type"

@@ -15,12 +15,13 @@ from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from itertools import groupby, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 
 import renew
-from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline._types import BoolArray, Dataset, FloatArray, IndexArray, Variable
+from pipeline.errors import naming
 from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond, widened
 from pipeline.model import Note
 from pipeline.scenario.season import Period, Season, TimeMethod
@@ -30,9 +31,6 @@ from pipeline.sources.cf.dataset import open_dataset, open_together, reading
 from pipeline.sources.cf.mesh import SAME_SHARE, Axes, SourceMesh, Table
 from pipeline.sources.current_field import Field, LandMask
 from renew.inputs.tide import arguments, speeds
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Steps that are further apart than this multiple of the median interval have a hole between them.
 _MISSING_STEP = 1.5
@@ -283,7 +281,7 @@ class Window:
     columns: tuple[slice, ...]
     outside: None = None
 
-    def read(self, variable: "xr.Variable", dims: tuple[str, ...]) -> FloatArray:
+    def read(self, variable: Variable, dims: tuple[str, ...]) -> FloatArray:
         """Read a variable in the window (..., ny, nx); `dims` are those along lat and lon."""
         lat, lon = dims
         runs = [
@@ -429,7 +427,7 @@ class FieldReader:
     ) -> None:
         self._contents, self._window, self._shores = contents, window, shores
         self.fills = dict(fills or {})
-        self._open: dict[Path, xr.Dataset] = {}
+        self._open: dict[Path, Dataset] = {}
         self._dry: dict[Component, BoolArray] = {}
         # Largest share of the nodes of which a mean lacks some of its steps.
         self.partly = 0.0
@@ -566,13 +564,11 @@ class FieldReader:
         if component.time:
             is_range = list(steps) == list(range(steps[0], steps[-1] + 1))
             part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
-        try:
+        with naming(component.file.name, ValueError):
             variable = self._dataset(component).variables[component.name]
             with reading():
                 variable = variable.isel(component.fixed).isel(part)
                 values = self._table_of(component).read(variable, component.grid.dims)
-        except ValueError as error:
-            raise ValueError(f"{component.file.name}: {error}") from None
         spatial = values.shape[1:] if component.time else values.shape
         return np.asarray(component.unit * values.reshape(-1, *spatial))
 
@@ -600,7 +596,7 @@ class FieldReader:
         is_meant = bool(stands_for_land and zero[~is_land].mean() <= 1 - _ZERO_LAND)
         return zero & is_meant
 
-    def _dataset(self, component: Component) -> "xr.Dataset":
+    def _dataset(self, component: Component) -> Dataset:
         """Return an open file."""
         file = component.file
         if file not in self._open:

@@ -16,15 +16,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from pipeline._types import FloatArray
+from pipeline._types import Dataset, FloatArray
 from pipeline.sources import quantities
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Tables of edition 1 from this version on are a centre's own.
 _FIRST_LOCAL_TABLE = 128
@@ -262,7 +259,7 @@ def _values(path: Path, field: GribField) -> FloatArray:
     return lines.T if grid.by_column else lines
 
 
-def as_dataset(path: Path, read: Read, quantity: quantities.Quantity) -> "xr.Dataset":
+def as_dataset(path: Path, read: Read, quantity: quantities.Quantity) -> Dataset:
     """Return a quantity's fields as a dataset whose values are read when they are needed.
 
     Raises ValueError if there are none, or they are not along time, latitude and longitude.

@@ -6,17 +6,13 @@ SCHISM and ADCIRC (`element`), ROMS (`lon_u` beside `lon_rho`), NEMO (`nav_lon`,
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline._types import FloatArray, IndexArray
+from pipeline._types import DataArray, Dataset, FloatArray, IndexArray
 from pipeline.sources.cf.axes import axis_role, coordinate_axis, grid_fault
 from pipeline.sources.cf.dataset import reading
 from pipeline.sources.cf.mesh import SAME_SHARE, Axes, SourceMesh, corner_triangles
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Names of longitudes without attributes, as models write them; those of latitudes have "lat".
 _LONGITUDE = re.compile(r"(nav_|x?)(lon|lat)(g|gitude|itude)?(_?(rho|u|v|t|c|cell|node))?")
@@ -35,7 +31,7 @@ _MAX_POINTS = 20_000_000
 _CORNERS_OF_CELL = (3, 12)
 
 
-def role_of(dataset: "xr.Dataset", name: str) -> str:
+def role_of(dataset: Dataset, name: str) -> str:
     """Return a variable's role as `axis_role` does, also by the names that models give."""
     role, plain = axis_role(dataset, name), name.lower()
     if role or dataset.variables[name].attrs.get("standard_name"):
@@ -45,7 +41,7 @@ def role_of(dataset: "xr.Dataset", name: str) -> str:
     return {"glam": "lon", "gphi": "lat"}[plain[:4]] if _CURVED.fullmatch(plain) else ""
 
 
-def coordinates(dataset: "xr.Dataset", array: "xr.DataArray") -> dict[str, dict[str, str]]:
+def coordinates(dataset: Dataset, array: DataArray) -> dict[str, dict[str, str]]:
     """Return for each dimension of a variable the coordinates along it, by their roles.
 
     The first choice is the one of the dimension's own name; the others are auxiliary.
@@ -63,9 +59,7 @@ def coordinates(dataset: "xr.Dataset", array: "xr.DataArray") -> dict[str, dict[
     return found
 
 
-def _named_first(
-    dataset: "xr.Dataset", array: "xr.DataArray", dims: tuple[str, ...]
-) -> dict[str, str]:
+def _named_first(dataset: Dataset, array: DataArray, dims: tuple[str, ...]) -> dict[str, str]:
     """Return the variables along just some dimensions by role, those that `array` names first."""
     named = str(array.encoding.get("coordinates") or array.attrs.get("coordinates", "")).split()
     listed = [*(name for name in named if name in dataset.variables), *map(str, dataset.variables)]
@@ -77,7 +71,7 @@ def _named_first(
 
 
 def grid_of(
-    dataset: "xr.Dataset", array: "xr.DataArray", about: Mapping[str, Mapping[str, str]]
+    dataset: Dataset, array: DataArray, about: Mapping[str, Mapping[str, str]]
 ) -> Axes | SourceMesh:
     """Return the axes of a variable, or the mesh that it is on.
 
@@ -101,23 +95,19 @@ def grid_of(
     raise ValueError(grid_fault(array, array.attrs["grid_mapping"] if is_turned else ""))
 
 
-def _curved_lines(dataset: "xr.Dataset", array: "xr.DataArray") -> SourceMesh | None:
+def _curved_lines(dataset: Dataset, array: DataArray) -> SourceMesh | None:
     """Return the points on curved lines on which a variable is; None where it is on none."""
     dims = tuple(map(str, array.dims))
     pairs = [(one, other) for i, one in enumerate(dims) for other in dims[i + 1 :]]
     for pair in reversed(pairs):
         names = _named_first(dataset, array, pair)
         if "lon" in names and "lat" in names:
-            y, x = pair if not _is_turned(pair) else pair[::-1]
+            first, second = (name.lower().split("_")[0] for name in pair)
+            is_along_x = first in _ALONG_X and second in _ALONG_Y
+            y, x = pair[::-1] if is_along_x else pair
             lon, lat = (_degrees(dataset, names[role], (y, x)) for role in ("lon", "lat"))
             return SourceMesh((y, x), lon, lat)
     return None
-
-
-def _is_turned(pair: tuple[str, str]) -> bool:
-    """Whether the names of two dimensions say that the first is along x."""
-    first, second = (name.lower().split("_")[0] for name in pair)
-    return first in _ALONG_X and second in _ALONG_Y
 
 
 def _straight_axes(mesh: SourceMesh) -> Axes | None:
@@ -135,7 +125,7 @@ def _straight_axes(mesh: SourceMesh) -> Axes | None:
     return None
 
 
-def _cells_of_mesh(dataset: "xr.Dataset", array: "xr.DataArray", dim: str) -> SourceMesh:
+def _cells_of_mesh(dataset: Dataset, array: DataArray, dim: str) -> SourceMesh:
     """Return the mesh on whose nodes or cells a variable is, along one dimension.
 
     Raises ValueError if the file does not say which points make a cell, or where its nodes are.
@@ -168,7 +158,7 @@ def _cells_of_mesh(dataset: "xr.Dataset", array: "xr.DataArray", dim: str) -> So
     return SourceMesh((dim,), middles[0], middles[1], triangles, nodes[0], nodes[1], cells)
 
 
-def _corners_by_name(dataset: "xr.Dataset") -> str:
+def _corners_by_name(dataset: Dataset) -> str:
     """Return the variable with the corners of cells, by its role or its name; "" without one."""
     for name, variable in dataset.variables.items():
         if variable.attrs.get("cf_role") == "face_node_connectivity":
@@ -183,7 +173,7 @@ def _corners_by_name(dataset: "xr.Dataset") -> str:
     )
 
 
-def _corners(dataset: "xr.Dataset", name: str) -> tuple[IndexArray, str]:
+def _corners(dataset: Dataset, name: str) -> tuple[IndexArray, str]:
     """Return the corners (cells, k), from 0 on, -1 where a cell has fewer, and their dimension."""
     variable = dataset.variables[name]
     with reading():
@@ -201,7 +191,7 @@ def _corners(dataset: "xr.Dataset", name: str) -> tuple[IndexArray, str]:
 
 
 def _node_positions(
-    dataset: "xr.Dataset", named: str, cell_dim: str, count: int
+    dataset: Dataset, named: str, cell_dim: str, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return the positions of nodes, degrees; ValueError where the file has none."""
     names = [name for name in named.split() if name in dataset.variables] or [
@@ -224,7 +214,7 @@ def _node_positions(
     return lon, lat
 
 
-def _degrees(dataset: "xr.Dataset", name: str, dims: tuple[str, ...]) -> FloatArray:
+def _degrees(dataset: Dataset, name: str, dims: tuple[str, ...]) -> FloatArray:
     """Read positions in the order of some dimensions, NaN where there are none."""
     variable = dataset.variables[name]
     if variable.size > _MAX_POINTS:

@@ -10,22 +10,18 @@ constituents if one makes a turn more than the other within the series.
 from collections.abc import Iterator, Sequence
 from datetime import timedelta
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 import renew
-from pipeline._types import FloatArray
-from pipeline.errors import RequestError
+from pipeline._types import Dataset, FloatArray
+from pipeline.errors import RequestError, refuse_any
 from pipeline.sources.cf.axes import TimeSteps, label
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.fields import FieldReader, find_window
 from renew.inputs.tide import Instants, arguments, speeds
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 
@@ -47,7 +43,7 @@ _COMMENT = (
 )
 
 
-def fit_files(paths: Sequence[str]) -> "xr.Dataset":
+def fit_files(paths: Sequence[str]) -> Dataset:
     """Fit constants at each node of hourly currents in files that belong together.
 
     Returns
@@ -66,8 +62,7 @@ def fit_files(paths: Sequence[str]) -> "xr.Dataset":
     files = find_files(paths)
     contents = read_contents(files)
     try:
-        if faults := list(_series_faults(contents.steps)):
-            raise RequestError([f"{name_of(files)}: {fault}" for fault in faults])
+        refuse_any([f"{name_of(files)}: {fault}" for fault in _series_faults(contents.steps)])
         return _fitted(contents)
     except (renew.ParameterError, ValueError) as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
@@ -113,7 +108,7 @@ def _series_faults(steps: TimeSteps) -> Iterator[str]:
         )
 
 
-def _fitted(contents: Contents) -> "xr.Dataset":
+def _fitted(contents: Contents) -> Dataset:
     """Fit the constants of all nodes at once; ValueError if a file is damaged."""
     import xarray as xr
 

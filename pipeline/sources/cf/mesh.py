@@ -21,11 +21,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline._types import BoolArray, FloatArray, IndexArray, Variable
 from pipeline.geo.projection import Bounds, widened
 
 if TYPE_CHECKING:
-    import xarray as xr
     from scipy.sparse import csr_array
 
 # Weight of points with data from which a node has a value: half, so that land reaches as far as on
@@ -253,7 +252,7 @@ class Table:
     around: "csr_array[Any, Any]"
     turn: tuple[FloatArray, FloatArray] | None
 
-    def read(self, variable: "xr.Variable", dims: tuple[str, ...]) -> FloatArray:
+    def read(self, variable: Variable, dims: tuple[str, ...]) -> FloatArray:
         """Read the part of a variable (..., points) that is needed; `dims` are the points'."""
         part = variable.isel(dict(zip(dims, self.part, strict=True)))
         return part.load().transpose(..., *dims).values.astype(float)

@@ -10,15 +10,13 @@ import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from pipeline._types import FloatArray, IndexArray
+from pipeline._types import Dataset, FloatArray, IndexArray
 
-if TYPE_CHECKING:
-    import xarray as xr
-
+Group: TypeAlias = Any  # of h5py, which has no types
 _HDF5 = b"\x89HDF"
 # Attributes by the CF conventions of what features hold, by its code.
 _VARIABLES: Mapping[str, Mapping[str, str]] = {
@@ -65,7 +63,7 @@ def is_s100(path: Path) -> bool:
         return "Group_F" in opened
 
 
-def as_dataset(path: Path) -> "xr.Dataset":
+def as_dataset(path: Path) -> Dataset:
     """Read a file as a dataset.
 
     Raises UnusableError if it has something else, or of a kind that makes no field; OSError,
@@ -100,19 +98,19 @@ def as_dataset(path: Path) -> "xr.Dataset":
         )
 
 
-def is_from_s100(dataset: "xr.Dataset") -> bool:
+def is_from_s100(dataset: Dataset) -> bool:
     """Whether `as_dataset` made a dataset."""
     return _KIND in dataset.attrs
 
 
-def option_of(dataset: "xr.Dataset") -> str:
+def option_of(dataset: Dataset) -> str:
     """Say where an S-100 dataset is to be given; "" for others."""
     options = {"surfaceCurrentSpeed": "currents", "waterLevelHeight": "tide", "depth": "depths"}
     option = next((own for name, own in options.items() if name in dataset.data_vars), "")
     return f"; it is for --{option}" if option and is_from_s100(dataset) else ""
 
 
-def joined(tiles: "Sequence[xr.Dataset]") -> "xr.Dataset":
+def joined(tiles: Sequence[Dataset]) -> Dataset:
     """Return tiles of the same times as one mesh of all their points.
 
     Each tile has a lattice of its own: the number of its columns depends on the latitude.
@@ -141,16 +139,13 @@ def _text(value: Any) -> str:  # noqa: ANN401 - bytes or str, as h5py gives eith
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _groups(instance: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
+def _groups(instance: Group) -> list[Group]:
     """Return the groups of an instance with the values, one for each time."""
     return [instance[name] for name in sorted(instance) if name.startswith("Group_")]
 
 
 def _variables(
-    file: Any,  # noqa: ANN401 - h5py has no types
-    feature: str,
-    instance: Any,  # noqa: ANN401 - as above
-    coding: int,
+    file: Group, feature: str, instance: Group, coding: int
 ) -> dict[str, tuple[FloatArray, dict[str, str]]]:
     """Return the values (time, ...) of each known code, as they are stored, with attributes."""
     stated = {_text(row["code"]): row for row in file["Group_F"][feature][:]}
@@ -181,9 +176,7 @@ def _variables(
 
 
 def _places(
-    file: Any,  # noqa: ANN401 - h5py has no types
-    instance: Any,  # noqa: ANN401 - as above
-    coding: int,
+    file: Group, instance: Group, coding: int
 ) -> tuple[tuple[str, ...], tuple[dict[str, Any], dict[str, Any]]]:
     """Return the dimensions of values, and the coordinates and corners of cells for them."""
     attributes = instance.attrs
@@ -226,7 +219,7 @@ def _mesh_of(lon: FloatArray, lat: FloatArray) -> tuple[IndexArray, dict[str, st
     return np.asarray(triangles[edges <= _LONGEST_EDGE * np.median(edges)]), about
 
 
-def _moments(instance: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
+def _moments(instance: Group) -> dict[str, Any]:
     """Return the coordinate of the times of the groups, seconds since 1970."""
     stamps = [re.sub(r"\D", "", _text(group.attrs["timePoint"])) for group in _groups(instance)]
     if min(map(len, stamps)) < 14:

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from shapely.geometry import Polygon
 
-from pipeline._types import FloatArray
-from pipeline.errors import StageError
+from pipeline._types import DataArray, Dataset, FloatArray
+from pipeline.errors import StageError, naming
 from pipeline.geo import projection
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import CurrentSource, Issue
@@ -47,9 +47,6 @@ from pipeline.sources.copernicus.download import (
 )
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.plausibility import assess_series, count_misplaced, dilated
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -293,11 +290,8 @@ def accept(
     `missing_boxes` hold the centres of the cells for which the service has no chunk, which should
     be land. Raises StageError if the file can't be read, or does not have the requested content.
     """
-    try:
-        with open_dataset(path) as dataset, reading():
-            faults, field = _read(dataset, asked)
-    except ValueError as error:
-        raise StageError(f"{path.name}: {error}") from None
+    with naming(path.name, StageError), open_dataset(path) as dataset, reading():
+        faults, field = _read(dataset, asked)
     notes: tuple[Note, ...] = ()
     if field is not None:
         mask = LandMask.of(land.polygons, asked.region.bounds)
@@ -317,7 +311,7 @@ def accept(
     return field, notes
 
 
-def _read(dataset: "xr.Dataset", asked: SubsetRequest) -> tuple[list[str], Field | None]:
+def _read(dataset: Dataset, asked: SubsetRequest) -> tuple[list[str], Field | None]:
     """Read axes and fields, with the faults of both; no fields where the axes are wrong."""
     wanted = {"eastward": asked.spec.eastward, "northward": asked.spec.northward}
     needed = (*wanted.values(), "longitude", "latitude", "time")
@@ -351,7 +345,7 @@ def _read(dataset: "xr.Dataset", asked: SubsetRequest) -> tuple[list[str], Field
 
 
 def _read_fields(
-    dataset: "xr.Dataset", asked: SubsetRequest, window: Window
+    dataset: Dataset, asked: SubsetRequest, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
     """Return the first faulty step's faults, and both components of the fields (nt, ny, nx).
 
@@ -421,7 +415,7 @@ def largest_spike(values: FloatArray, limit_m_s: float) -> float:
     return float(np.max(spike, initial=0.0, where=is_spike))
 
 
-def _variable_faults(variable: "xr.DataArray", direction: str) -> Iterator[str]:
+def _variable_faults(variable: DataArray, direction: str) -> Iterator[str]:
     """Say if a component has a wrong unit or standard name."""
     units = variable.attrs.get("units", "")
     if units.strip() not in _UNITS:
@@ -438,14 +432,12 @@ def _step_faults(name: str, axis: FloatArray, cell_deg: float) -> Iterator[str]:
         yield f"{name} steps by {steps.min():.5g} to {steps.max():.5g} degrees, not {cell_deg:.5g}"
 
 
-def _time_faults(dataset: "xr.Dataset", asked: SubsetRequest) -> list[str]:
+def _time_faults(dataset: Dataset, asked: SubsetRequest) -> list[str]:
     """Find whether the file lacks time steps, or has others than requested."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
-    labels, wanted = (
-        tuple(stamp.strftime(label_format(asked.spec)) for stamp in stamps),
-        asked.steps.labels,
-    )
+    form, wanted = label_format(asked.spec), asked.steps.labels
+    labels = tuple(stamp.strftime(form) for stamp in stamps)
     if labels == wanted:
         return []
     lacking = [label for label in wanted if label not in labels]
@@ -460,7 +452,7 @@ def _shortened(labels: tuple[str, ...]) -> str:
     return f"[{labels[0]!r} … {labels[-1]!r}] ({len(labels)})"
 
 
-def _depth_faults(dataset: "xr.Dataset") -> list[str]:
+def _depth_faults(dataset: Dataset) -> list[str]:
     """Find levels other than one at the surface."""
     for name in {"depth", "elevation"} & dataset.variables.keys():
         levels = np.abs(coordinate_values(dataset, name).reshape(-1))

@@ -15,11 +15,9 @@ counts as absent.
 
 import contextlib
 import json
-import shutil
 import signal
 import tempfile
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -30,7 +28,7 @@ from shapely.geometry import Polygon
 
 from pipeline.errors import StageError, one_line
 from pipeline.geo.projection import MARGIN_CELLS, widened
-from pipeline.machine.files import write_whole
+from pipeline.machine.files import remove_abandoned, write_whole
 from pipeline.machine.store import file_hash
 from pipeline.machine.workers import WorkerEndedError, call_in_process
 from pipeline.scenario.catalogue import CopernicusSpec, StepLength
@@ -38,6 +36,7 @@ from pipeline.scenario.season import Period, TimeMethod
 from pipeline.sources.cf.axes import MONTH, TimeSteps, middle_of_step, step_around
 from pipeline.sources.cf.fields import SelectedSteps, select_all_steps, select_steps
 from pipeline.sources.copernicus.client import LOGIN, answer_request, without_secrets
+from pipeline.texts import table_beside
 
 _BY_HOUR = "%Y-%m-%dT%H"
 _LABEL_FORMATS = {"month": "%Y-%m", "day": "%Y-%m-%d", "6 hours": _BY_HOUR, "hour": _BY_HOUR}
@@ -172,7 +171,7 @@ AcceptedT = TypeVar("AcceptedT")
 _PAUSE_GROWTH = 3.0
 # Time within which the service must say which steps it has, s.
 _LOOK_S = 120.0
-_ERRORS = tomllib.loads(Path(__file__).with_name("errors.toml").read_text(encoding="utf-8"))
+_ERRORS = table_beside(__file__, "errors.toml")
 _TRY_LATER = "try again later, or name another source in 'currents'"
 # Length to which the client's messages are cut, characters.
 _MAX_MESSAGE_LENGTH = 400
@@ -311,16 +310,13 @@ def save(staged: Path, file: Path, metadata: dict[str, Any]) -> dict[str, Any]:
 def staging_folder(cache: Path) -> Iterator[Path]:
     """Make an empty folder in the cache, and remove it when the block ends."""
     cache.mkdir(parents=True, exist_ok=True)
-    remove_abandoned(cache)
+    remove_abandoned_downloads(cache)
     with tempfile.TemporaryDirectory(
         suffix=_STAGING_SUFFIX, dir=cache, ignore_cleanup_errors=True
     ) as folder:
         yield Path(folder)
 
 
-def remove_abandoned(cache: Path) -> None:
+def remove_abandoned_downloads(cache: Path) -> None:
     """Remove staging folders that killed runs left behind, with the client's leftovers in them."""
-    for staging in cache.glob(f"*{_STAGING_SUFFIX}"):
-        with contextlib.suppress(OSError):
-            if time.time() - staging.stat().st_mtime > _ABANDONED_AGE_S:
-                shutil.rmtree(staging, ignore_errors=True)
+    remove_abandoned(cache, f"*{_STAGING_SUFFIX}", _ABANDONED_AGE_S)

@@ -22,7 +22,6 @@ import contextlib
 import math
 import os
 import struct
-import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -38,7 +37,7 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.geo.projection import METRES_PER_DEGREE
-from pipeline.machine.files import UNFINISHED, whole_file
+from pipeline.machine.files import UNFINISHED, remove_abandoned, whole_file
 from pipeline.model import Credit, Land, Note
 from pipeline.sources.land import shapes
 from pipeline.sources.land.shapes import box_around, clipped, extract_polygons, repaired
@@ -155,7 +154,7 @@ def write_cached(path: Path, wkb: bytes) -> None:
     Raises OSError if the file can't be written; nothing is left of it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    _remove_abandoned(path.parent)
+    remove_abandoned(path.parent, f"*.shoreline.*{UNFINISHED}", _ABANDONED_S)
     table = np.zeros(_COUNT.unpack_from(wkb, _HEADER)[0], dtype=_ENTRY)
     first = 0
     with whole_file(path) as file:
@@ -223,14 +222,6 @@ def _checked(content: npt.NDArray[np.uint8], crc: int) -> bytes:
     if zlib.crc32(text) != crc:
         raise ValueError("damaged")
     return text
-
-
-def _remove_abandoned(folder: Path) -> None:
-    """Remove files that killed processes left unfinished."""
-    for path in folder.glob(f"*.shoreline.*{UNFINISHED}"):
-        with contextlib.suppress(OSError):
-            if path.stat().st_mtime < time.time() - _ABANDONED_S:
-                path.unlink()
 
 
 def _chunks(wkb: bytes) -> Iterator[tuple[Geometries, IntArray, int]]:

@@ -15,7 +15,6 @@ known to lie deep enough. Where cells overlap, the larger scale takes precedence
 import glob
 import math
 import os
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,13 +26,14 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray, Geometries
-from pipeline.errors import RequestError
+from pipeline.errors import RequestError, refuse_any
+from pipeline.geo.coast import cut_to
 from pipeline.geo.projection import DepthCover
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note, Zone
 from pipeline.model.inputs import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
-from pipeline.texts import clean
+from pipeline.texts import clean, table_beside
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.
@@ -49,7 +49,7 @@ _IDENTIFICATION = (
 _WGS84 = 2
 # Code in DSPM of the only unit of depths that it allows, the metre.
 _METRES = 1
-_TABLE = tomllib.loads(Path(__file__).with_name("s57.toml").read_text(encoding="utf-8"))
+_TABLE = table_beside(__file__, "s57.toml")
 DATUMS: dict[str, str] = _TABLE["datums"]
 # Number of files in a folder of charts above which it is not searched: all cells of the world and
 # their updates are some 100,000.
@@ -206,28 +206,24 @@ def _refuse_other_editions(base: Path) -> None:
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:
     """Refuse a cell that is cancelled, not up to date, or violates the product specification."""
-    faults = []
-    # B.1, 5.7: an update that cancels a cell has the edition 0.
-    if str(identification["DSID_EDTN"]).strip() == "0":
-        faults.append(
-            f"{base.name}: the cell is cancelled (edition 0); remove it, and fetch the cells that "
-            "replace it"
-        )
     applied = int(str(identification["DSID_UPDN"]))
     last = int(cell_files(base)[-1].suffix[1:])
-    if applied < last:
-        faults.append(
-            f"{base.name}: update .{last:03d} is there, but only those up to .{applied:03d} could "
-            f"be applied: .{applied + 1:03d} is missing or damaged; fetch it"
-        )
-    if identification["DSPM_HDAT"] != _WGS84:
-        faults.append(f"{base.name}: its horizontal datum is not WGS 84; fetch another edition")
-    if identification["DSPM_DUNI"] != _METRES:
-        faults.append(f"{base.name}: its depths are not in metres; fetch another edition")
-    if int(str(identification["DSPM_CSCL"])) <= 0:
-        faults.append(f"{base.name}: its scale is not above 0; fetch it again")
-    if faults:
-        raise RequestError(faults)
+    said = {
+        # B.1, 5.7: an update that cancels a cell has the edition 0.
+        "the cell is cancelled (edition 0); remove it, and fetch the cells that replace it": (
+            str(identification["DSID_EDTN"]).strip() == "0"
+        ),
+        f"update .{last:03d} is there, but only those up to .{applied:03d} could be applied: "
+        f".{applied + 1:03d} is missing or damaged; fetch it": applied < last,
+        "its horizontal datum is not WGS 84; fetch another edition": (
+            identification["DSPM_HDAT"] != _WGS84
+        ),
+        "its depths are not in metres; fetch another edition": (
+            identification["DSPM_DUNI"] != _METRES
+        ),
+        "its scale is not above 0; fetch it again": int(str(identification["DSPM_CSCL"])) <= 0,
+    }
+    refuse_any([f"{base.name}: {fault}" for fault, is_one in said.items() if is_one])
 
 
 def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int]:
@@ -387,20 +383,11 @@ def _depth_areas(part: Cell) -> Iterator[DepthArea]:
     for name in filter(part.objects.__contains__, _DEPTH_CLASSES):
         objects, kind = part.objects[name], _DEPTH_CLASSES[name]
         limits = objects.numbers("DRVAL1"), objects.numbers("DRVAL2")
-        inside = _cut_to(objects.geometry, part.covered)
+        inside = cut_to(objects.geometry, part.covered)
         for area, least, greatest in zip(inside, *map(np.ndarray.tolist, limits), strict=True):
             # Clipping leaves lines where an area only touches the part.
             if shapely.area(area) > 0:
                 yield DepthArea(kind, least, greatest, area)
-
-
-def _cut_to(geometries: Geometries, area: shapely.Geometry) -> Geometries:
-    """Cut geometries along an area; those inside stay exactly as they are."""
-    shapely.prepare(area)
-    inside = shapely.covers(area, geometries)
-    cut = geometries.copy()
-    cut[~inside] = shapely.intersection(geometries[~inside], area)
-    return cut
 
 
 def _fixed_radius_m(cell: Cell) -> float:
@@ -446,7 +433,7 @@ def _zones(part: Cell) -> Iterator[Zone]:
     for name, objects in part.objects.items():
         if name != "RESARE" and name not in _TRAFFIC:
             continue
-        inside = _cut_to(objects.geometry, part.covered)
+        inside = cut_to(objects.geometry, part.covered)
         # Of a lane, ORIENT is the direction of its traffic.
         courses = objects.numbers("ORIENT") if name == "TSSLPT" else np.full(len(inside), np.nan)
         for area, title, codes, course_deg in zip(
@@ -569,8 +556,7 @@ def find_cells(path: Path) -> tuple[Path, ...]:
     if not bases:
         raise RequestError(f"{path} holds no S-57 cell (.000): name their folder, or a vector file")
     twice = [name for name, count in Counter(file.stem for file in bases).items() if count > 1]
-    if twice:
-        where = f"in {path}; keep the latest"
-        raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
+    where = f"in {path}; keep the latest"
+    refuse_any([f"cell {name} is there more than once {where}" for name in twice])
     require_readable((file for base in bases for file in cell_files(base)), "chart.source")
     return bases

@@ -188,8 +188,7 @@ def extract_polygons(geometries: Geometries | shapely.Geometry) -> Geometries:
     """Take the polygons out of any geometries, dropping points and lines that clipping left."""
     parts = flattened(geometries)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    polygons: Geometries = parts[is_polygon & ~shapely.is_empty(parts)]
-    return polygons
+    return np.asarray(parts[is_polygon & ~shapely.is_empty(parts)])
 
 
 def merged(geometries: Geometries | Sequence[shapely.Geometry]) -> shapely.Geometry:

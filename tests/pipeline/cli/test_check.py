@@ -1,7 +1,5 @@
 """`renew check` opens what a scenario names; `renew clean --all` says what it takes, and asks."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

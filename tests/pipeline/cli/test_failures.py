@@ -1,7 +1,5 @@
 """Whatever is typed or goes wrong is a line and an exit code, never a traceback."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The commands `list`, `show`, `check` and `--version`."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

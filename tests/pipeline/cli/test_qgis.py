@@ -1,7 +1,5 @@
 """The plugin for QGIS is put into a profile, with the path of the program that it calls."""
 
-from __future__ import annotations
-
 import ast
 import runpy
 import subprocess

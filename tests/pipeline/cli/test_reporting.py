@@ -1,7 +1,5 @@
 """Off a terminal a line of JSON shows now and then that a run is at work."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading

@@ -1,7 +1,5 @@
 """Lines on a terminal: as long as it is wide, and broken between words only."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

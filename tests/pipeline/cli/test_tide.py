@@ -1,7 +1,5 @@
 """`renew tide`: high and low waters in UTC, as text and as JSON; where constants are written."""
 
-from __future__ import annotations
-
 import json
 import re
 

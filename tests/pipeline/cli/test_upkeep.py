@@ -1,7 +1,5 @@
 """`renew doctor`: what is broken is named with its remedy, and nothing secret is shown."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

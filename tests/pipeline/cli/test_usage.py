@@ -1,7 +1,5 @@
 """All faults of a request are named at once; help breaks lines between words."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Islands of the catalogue are found in a chart's land, and nothing else has their names."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of columns, and which of them a run's files have."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

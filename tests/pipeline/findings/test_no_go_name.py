@@ -1,7 +1,5 @@
 """Where a chart has depths, texts for readers don't call all that is no-go land."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Each note that the program makes has words, and the words need only values that the note has."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import json

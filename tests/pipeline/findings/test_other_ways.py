@@ -1,7 +1,5 @@
 """Shut straits are reported with place, width and need; open ones and rock gaps are not."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

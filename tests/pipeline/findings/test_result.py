@@ -1,7 +1,5 @@
 """What is not known is listed: for each route, each season, and the chart."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Profiles and legs of routes: lengths, times, speeds and clearances, and in each file."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """Sentences on why a route was chosen and how sure that is, and the order in which they compare."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Ways through shut straits: the quickest, at no one's cost, and named where a chart names land."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Figures, moments and zones as texts, and values as JSON has them."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Ways are named by the islands that tell them apart, as a navigator would."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Currents written by the tests, and how readers see them."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from pathlib import Path

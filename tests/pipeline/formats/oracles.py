@@ -1,7 +1,5 @@
 """Legs drawn by other methods than those of the exchange formats."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 

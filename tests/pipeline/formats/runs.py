@@ -1,7 +1,5 @@
 """Planned runs for the exchange formats: random islands, 180 degrees, the far north, V."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from functools import cache
 from unittest import mock

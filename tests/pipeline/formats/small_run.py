@@ -1,7 +1,5 @@
 """A small run, really planned: two islands east of Palawan, two seasons, made-up currents."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache

@@ -1,7 +1,5 @@
 """The seasons' colours as people with other colour vision see them."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sweep of departures as files, and the scenario as it was asked for."""
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import replace

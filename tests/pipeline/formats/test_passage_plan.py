@@ -1,7 +1,5 @@
 """The passage plan: its rows against the waypoints, and what the report says."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """What a run records for machines: the manifest."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import platform

@@ -1,7 +1,5 @@
 """A printed limit is never on its unsafe side: least figures rounded down, greatest ones up."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from datetime import UTC, datetime

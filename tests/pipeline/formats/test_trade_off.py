@@ -1,7 +1,5 @@
 """The trade-off of fuel against arrival: as files, in sentences, as a plot."""
 
-from __future__ import annotations
-
 import csv
 import re
 from dataclasses import replace

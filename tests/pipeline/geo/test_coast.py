@@ -1,7 +1,5 @@
 """Coasts of fewer vertices, water opened again, and the widest path through it."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The plane against geodesics, finite differences and PROJ's own factors, all over the globe."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Real Dask schedulers and workers on loopback that are absent, silent, killed, or of no use."""
 
-from __future__ import annotations
-
 import csv
 import os
 import signal

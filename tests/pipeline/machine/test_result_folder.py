@@ -1,7 +1,5 @@
 """A folder of results is replaced whole, whatever operation of the disk is the last one."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading

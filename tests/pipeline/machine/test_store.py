@@ -1,7 +1,5 @@
 """The store: artefacts are complete or absent and named by content; one run at a time."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Worker processes: limits, deaths, answers, and no orphans."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal

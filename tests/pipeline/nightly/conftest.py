@@ -1,7 +1,5 @@
 """What nights of tests share: a scheduler and a worker, and a service that watches jobs."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 

@@ -3,8 +3,6 @@
 They are planned without padding, which would take half of the time.
 """
 
-from __future__ import annotations
-
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path

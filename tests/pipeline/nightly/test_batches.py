@@ -1,7 +1,5 @@
 """Batches: cut by measured time, halved where a worker dies, until one case is left."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From a night's file to its cases: their names, departures and pairs."""
 
-from __future__ import annotations
-
 import time
 from datetime import UTC, datetime
 from pathlib import Path

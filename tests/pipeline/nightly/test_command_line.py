@@ -1,7 +1,5 @@
 """`renew nightly` as it is called: exit codes, and a line for each fault."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

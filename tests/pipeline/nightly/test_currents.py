@@ -1,7 +1,5 @@
 """Which currents a night plans on: the newest, by files or a service, and what they change."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

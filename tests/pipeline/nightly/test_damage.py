@@ -1,7 +1,5 @@
 """What the night before left is damaged: the next one goes on, or names file and remedy."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

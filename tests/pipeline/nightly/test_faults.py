@@ -1,7 +1,5 @@
 """What breaks at night, with the process really killed or the thing really missing."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

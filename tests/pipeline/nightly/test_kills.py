@@ -1,7 +1,5 @@
 """A night is killed or loses power at any time: the next run ends as if nothing had happened."""
 
-from __future__ import annotations
-
 import collections
 import os
 import random

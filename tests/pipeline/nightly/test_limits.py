@@ -1,7 +1,5 @@
 """Nights with limits of waves: each departure has hours of its own, and new waves are planned."""
 
-from __future__ import annotations
-
 from datetime import timedelta
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Whole nights, one after the other, in small plane and chart scenarios."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

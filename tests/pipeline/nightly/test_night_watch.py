@@ -1,7 +1,5 @@
 """A night always reports to a service how it ended; that can't make it fail."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

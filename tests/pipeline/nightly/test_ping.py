@@ -1,7 +1,5 @@
 """Pings to a service on this machine: their content, and that no night depends on them."""
 
-from __future__ import annotations
-
 import socket
 import time
 

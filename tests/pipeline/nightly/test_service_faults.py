@@ -1,7 +1,5 @@
 """The service of currents fails at night: a loopback store without a login, or without data."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A night stopped by a signal always reports that to the service."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

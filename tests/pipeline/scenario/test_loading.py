@@ -1,7 +1,5 @@
 """Faults between the tables of a scenario, and what --charts and --currents replace."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The scenario's models agree with the planner, and describe each of their keys."""
 
-from __future__ import annotations
-
 import dataclasses
 import tomllib
 from datetime import timedelta

@@ -4,8 +4,6 @@ What a feature needs (a departure, a clock, a draught) is drawn with it. Any oth
 that fails, or a crash is a pair of features that doesn't compose and that nobody said so of.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Months, days and instants of a season, against the calendar of the standard library."""
 
-from __future__ import annotations
-
 import calendar
 from datetime import UTC, date, datetime, timedelta
 

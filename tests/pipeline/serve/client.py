@@ -1,7 +1,5 @@
 """A server of its own process, and a program that asks it over loopback."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

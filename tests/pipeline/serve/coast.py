@@ -1,7 +1,5 @@
 """The coarse coast that comes with the page; `python -m tests.pipeline.serve.coast` writes it."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

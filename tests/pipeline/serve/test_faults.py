@@ -1,7 +1,5 @@
 """What is half sent, gone, twice or nowhere: the page answers others, and in one form."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import sys

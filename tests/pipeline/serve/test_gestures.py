@@ -1,7 +1,5 @@
 """What people do on the page by mouse, finger and keyboard, in a real browser."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

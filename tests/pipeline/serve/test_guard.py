@@ -1,7 +1,5 @@
 """Hostile requests, over real HTTP: they plan nothing, read no file, and the server lives on."""
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Iterator
 from http.cookies import SimpleCookie

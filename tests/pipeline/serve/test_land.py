@@ -1,7 +1,5 @@
 """The land of the page's map, before and after its sharp coast is in the cache."""
 
-from __future__ import annotations
-
 from functools import reduce
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page in a real browser: by mouse, by keyboard, on a phone, and with hostile text."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

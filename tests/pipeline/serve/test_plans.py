@@ -1,7 +1,5 @@
 """Plans over real HTTP: the same routes as on the command line; limits, cancelling, and death."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

@@ -1,7 +1,5 @@
 """The request of a page: every option of `renew go`, and a command line that is read alike."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fixtures for the tests of the sources."""
 
-from __future__ import annotations
-
 import pytest
 
 from pipeline.sources.current_field import LandMask

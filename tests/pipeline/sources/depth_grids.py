@@ -1,7 +1,5 @@
 """Grids of depths as GEBCO and EMODnet publish them, made up for tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Charts and currents as users have them, and seeded damage to them."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -1,7 +1,5 @@
 """Several charts as one, grids of depths from files, and what is too shallow by them."""
 
-from __future__ import annotations
-
 import math
 import re
 import shutil

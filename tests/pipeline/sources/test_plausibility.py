@@ -1,7 +1,5 @@
 """Faults of fields are found: wrong signs, swapped components, shifts, units, gaps in water."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ The files lead to another file or an address in every way that GDAL, PROJ, SQLit
 as a module, this reads those of a folder, each as what its name says, and prints how each ended.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

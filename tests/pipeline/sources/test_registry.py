@@ -1,7 +1,5 @@
 """The choice of a source by its name; embedded tables and still water."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

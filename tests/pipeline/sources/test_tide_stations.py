@@ -1,7 +1,5 @@
 """Stations of the tide: their files, heights beside other libraries, and where each counts."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """Official water levels: as h5py reads them, in zones that are never too high, at each hour."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Via points and shut areas of a scenario: planned, noted, drawn with their hours; or refused."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

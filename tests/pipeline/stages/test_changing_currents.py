@@ -1,7 +1,5 @@
 """A season whose current changes on the way: projected, planned, evaluated, with its times."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import timedelta
 

@@ -1,7 +1,5 @@
 """The departure of a season is chosen before it is planned, and its clock begins then."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from datetime import timedelta

@@ -1,7 +1,5 @@
 """Routes on which turns met land, and those on weak tidal streams, are named."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

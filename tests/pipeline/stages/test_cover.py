@@ -1,12 +1,10 @@
 """Havens of a scenario: which ways lead to them, what is written, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import geopandas
 import gpxpy
@@ -27,6 +25,7 @@ from tests.pipeline.formats.gis.tables import layer
 from tests.pipeline.voyage import sailing
 from tests.pipeline.voyage.waters import scenario_of
 
+Covered: TypeAlias = tuple[Outcome, Scenario, Path]
 WITHIN_S = 1500.0
 SHUT_UNTIL_NOON = {"path": "range.geojson", "until": "2026-11-22T12:00:00Z"}
 # Near the start, near the goal, on the island, and off the chart.
@@ -39,7 +38,7 @@ Far,120.5,9.53
 
 
 @pytest.fixture(scope="module")
-def covered(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Scenario, Path]:
+def covered(tmp_path_factory: pytest.TempPathFactory) -> Covered:
     """Plan a voyage with havens; return outcome, scenario and folder."""
     folder = tmp_path_factory.mktemp("havens")
     (folder / "havens.csv").write_text(HAVENS)
@@ -65,9 +64,7 @@ def rows(outcome: Outcome) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_the_stretches_of_the_table_are_the_whole_route(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_the_stretches_of_the_table_are_the_whole_route(covered: Covered) -> None:
     found = [
         row for row in rows(covered[0]) if row["kind"] in {"covered", "uncovered", "not settled"}
     ]
@@ -79,9 +76,7 @@ def test_the_stretches_of_the_table_are_the_whole_route(
         assert one["end_s"] == other["begin_s"]
 
 
-def test_who_carries_on_and_turns_off_is_at_a_haven_within_the_limit(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_who_carries_on_and_turns_off_is_at_a_haven_within_the_limit(covered: Covered) -> None:
     found = [row for row in rows(covered[0]) if row["kind"] == "covered"]
     assert found
     for row in found:
@@ -94,9 +89,7 @@ def test_who_carries_on_and_turns_off_is_at_a_haven_within_the_limit(
         assert row["haven"] in {"West", "East"}
 
 
-def test_up_to_the_last_change_the_other_side_costs_little_more(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_up_to_the_last_change_the_other_side_costs_little_more(covered: Covered) -> None:
     (row,) = [one for one in rows(covered[0]) if one["kind"] == "last change"]
     result = covered[0].result
     best, other, *_ = result.case("calm").routes
@@ -108,15 +101,13 @@ def test_up_to_the_last_change_the_other_side_costs_little_more(
     assert [float(row["haven_lon"]), float(row["haven_lat"])] == pytest.approx(goal.tolist())
 
 
-def test_times_are_those_of_the_departure(covered: tuple[Outcome, Scenario, Path]) -> None:
+def test_times_are_those_of_the_departure(covered: Covered) -> None:
     for row in rows(covered[0]):
         moment = tidal_run.DEPARTURE + timedelta(seconds=round(float(row["begin_s"])))
         assert row["begin"] == f"{moment:%Y-%m-%dT%H:%M:%SZ}"
 
 
-def test_havens_on_land_and_off_the_chart_are_named(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_havens_on_land_and_off_the_chart_are_named(covered: Covered) -> None:
     said = note_texts(covered[0].fetched.notes)
     assert any("'Island'" in one and "lies on land" in one for one in said)
     assert any("'Far'" in one and "outside the region" in one for one in said)
@@ -128,9 +119,7 @@ def ways(outcome: Outcome) -> dict[int, dict[str, str]]:
     return {int(row["way"]): row for row in rows(outcome) if row["way"]}
 
 
-def test_plotters_get_each_way_from_its_turn_off_to_its_haven(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_plotters_get_each_way_from_its_turn_off_to_its_haven(covered: Covered) -> None:
     folder, known = covered[0].directory, ways(covered[0])
     found = gpxpy.parse((folder / "strait-calm-havens.gpx").read_text()).routes
     assert [route.number for route in found] == sorted(known)
@@ -142,9 +131,7 @@ def test_plotters_get_each_way_from_its_turn_off_to_its_haven(
         assert row["haven"] in str(route.name)
 
 
-def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(covered: Covered) -> None:
     package = covered[0].directory / "routes.gpkg"
     coverage, diversions, havens, routes = (
         layer(package, name) for name in ("coverage", "diversions", "havens", "routes")
@@ -158,9 +145,7 @@ def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(
     assert set(havens.name) == {"West", "East"}
 
 
-def test_a_section_of_the_report_says_when_to_turn_off(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_a_section_of_the_report_says_when_to_turn_off(covered: Covered) -> None:
     (season,) = gather(covered[0].result)["seasons"]
     assert len(season["havens"]["rows"]) == len(rows(covered[0]))
     printed = season["havens"]["rows"]
@@ -175,7 +160,7 @@ def test_a_section_of_the_report_says_when_to_turn_off(
     assert "Ways to havens" in (covered[0].directory / "report.html").read_text()
 
 
-def test_a_second_run_looks_for_no_way(covered: tuple[Outcome, Scenario, Path]) -> None:
+def test_a_second_run_looks_for_no_way(covered: Covered) -> None:
     _, asked, folder = covered
     events: list[Event] = []
     again = run(asked, folder / "outputs", offline=True, on_event=events.append)
@@ -184,7 +169,7 @@ def test_a_second_run_looks_for_no_way(covered: tuple[Outcome, Scenario, Path]) 
     assert len(list((folder / "outputs" / ".artefacts" / "cover").glob("*.artefact"))) == 1
 
 
-def test_a_scenario_with_havens_reads_back(covered: tuple[Outcome, Scenario, Path]) -> None:
+def test_a_scenario_with_havens_reads_back(covered: Covered) -> None:
     _, asked, folder = covered
     (folder / "again.toml").write_text(scenario_text(asked))
     assert load_scenario(str(folder / "again.toml")) == asked
@@ -217,9 +202,7 @@ def test_what_can_not_be_covered_is_refused(
         parse_scenario(table, tmp_path)
 
 
-def test_an_endurance_below_the_route_is_refused_with_its_time(
-    covered: tuple[Outcome, Scenario, Path],
-) -> None:
+def test_an_endurance_below_the_route_is_refused_with_its_time(covered: Covered) -> None:
     folder = covered[2]
     with pytest.raises(RequestError, match=r"endurance = '30min' is below the .* h that"):
         run(scenario(folder, endurance="30min"), folder / "outputs", offline=True)
@@ -228,8 +211,8 @@ def test_an_endurance_below_the_route_is_refused_with_its_time(
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("name,lon,lat\n", "no feature in place of points"),
-        ("name,foo\nA,1\n", "in place of points"),
+        ("name,lon,lat\n", "has no points; give points"),
+        ("name,foo\nA,1\n", "has no points; give points"),
         ("name,lon,lat\nA,200,95\n", "not on earth"),
         ("name,lon,lat\nA,1,2\nA,2,2\n", "several havens called 'A'"),
     ],

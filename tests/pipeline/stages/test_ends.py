@@ -1,7 +1,5 @@
 """A start or goal on land is moved to the nearest water that joins the other end."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sources that are passed over are recorded with the season that they were passed over for."""
 
-from __future__ import annotations
-
 import math
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Wind and waves over a limit: water shut for hours, figures, notes; or one clear line."""
 
-from __future__ import annotations
-
 import csv
 import re
 from dataclasses import replace

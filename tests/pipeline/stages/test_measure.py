@@ -1,10 +1,9 @@
 """Routes measured against the original land."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -27,6 +26,7 @@ from tests.true_scale import GEOD, clearance_m
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
 REGION = shapely.box(115.5, 7, 122, 13.5)
 SCALE = 1000.0
+Planned: TypeAlias = tuple[Case, shapely.Polygon, CaseResult]
 
 
 def lonlat_scene() -> tuple[Case, shapely.Polygon]:
@@ -44,16 +44,14 @@ def lonlat_scene() -> tuple[Case, shapely.Polygon]:
 
 
 @pytest.fixture(scope="module")
-def planned() -> tuple[Case, shapely.Polygon, CaseResult]:
+def planned() -> Planned:
     """Plan both ways round the island."""
     scene, island = lonlat_scene()
     plan = renew.plan(scene.chart, scene.current, VESSEL, scene.start, scene.goal, classes=2)
     return scene, island, CaseResult("still", plan, "", 1.0)
 
 
-def test_lengths_clearances_and_times_are_true_ones(
-    planned: tuple[Case, shapely.Polygon, CaseResult],
-) -> None:
+def test_lengths_clearances_and_times_are_true_ones(planned: Planned) -> None:
     scene, island, plan = planned
     evaluation = measured(scene, plan, PlannerOptions())
     assert plan.plan is not None
@@ -112,7 +110,7 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     assert row.length_m == pytest.approx(GEOD.line_length(*line.T), rel=1e-5)
 
 
-def test_a_route_over_land_is_detected(planned: tuple[Case, shapely.Polygon, CaseResult]) -> None:
+def test_a_route_over_land_is_detected(planned: Planned) -> None:
     scene, island, plan = planned
     assert plan.plan is not None
     middle = scene.projection.to_plane((118.9, 10.0))
@@ -140,7 +138,7 @@ def test_a_route_over_land_is_detected(planned: tuple[Case, shapely.Polygon, Cas
 
 
 def test_on_the_longest_ways_turns_begin_as_near_as_there_may_be_points(
-    planned: tuple[Case, shapely.Polygon, CaseResult], monkeypatch: pytest.MonkeyPatch
+    planned: Planned, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, _, plan = planned
     for module in (measure, options):
@@ -157,7 +155,7 @@ def test_a_season_without_a_plan_has_no_rows() -> None:
 
 @pytest.mark.parametrize(("reaches", "is_included"), [(0.97, True), (1.5, False)])
 def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
-    planned: tuple[Case, shapely.Polygon, CaseResult], reaches: float, *, is_included: bool
+    planned: Planned, reaches: float, *, is_included: bool
 ) -> None:
     """The bound on a turn's reach is the planner's own, not a copy of it."""
     scene, _, plan = planned
@@ -171,9 +169,7 @@ def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
     assert bool(chart.no_go) == is_included
 
 
-def test_shares_without_figures_are_those_of_the_grids(
-    planned: tuple[Case, shapely.Polygon, CaseResult],
-) -> None:
+def test_shares_without_figures_are_those_of_the_grids(planned: Planned) -> None:
     """Of both routes, the part north of 10 N has no figure of the current, none west of 118 E."""
     scene, _, plan = planned
     lon, lat = np.arange(110.5, 130), np.arange(0.5, 20)

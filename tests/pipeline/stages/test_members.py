@@ -1,7 +1,5 @@
 """Seasons whose current has members: eddies, a run with its files, and keys that don't agree."""
 
-from __future__ import annotations
-
 import csv
 import tomllib
 from pathlib import Path

@@ -4,8 +4,6 @@ The slow test sails eleven reference routes of the Norwegian Coastal Administrat
 turns itself, as circles on the original land.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A season's plan keeps the planner's order, and its ranks put the route to take first."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

@@ -1,7 +1,5 @@
 """Projection to the plane: the extent, and the current."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A region grows where a route comes near its edge."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simplified land covers all land, whatever its shape, and inner land is land; what stays open."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Water deep enough for some hours is planned, noted and written with its hours, or refused."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

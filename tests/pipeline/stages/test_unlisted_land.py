@@ -3,8 +3,6 @@
 Ascension lies alone in the Atlantic, 13 km wide.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

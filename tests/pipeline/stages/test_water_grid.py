@@ -1,7 +1,5 @@
 """Ways round islands on a coarse grid."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 

@@ -1,7 +1,5 @@
 """The chart of the voyages in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

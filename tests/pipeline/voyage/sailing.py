@@ -1,7 +1,5 @@
 """A finished run in a tide round an island, and the positions of a vessel that sails it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

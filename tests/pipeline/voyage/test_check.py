@@ -1,7 +1,5 @@
 """`renew check-route` says of our own files what they say, and of a way over land where it lies."""
 
-from __future__ import annotations
-
 import json
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Voyages in one line on a grid of depths."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

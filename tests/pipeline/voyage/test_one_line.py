@@ -1,7 +1,5 @@
 """A voyage in one line, end to end: from Python, and as a command of its own."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -4,8 +4,6 @@ The figures beside a form are those of its source, or are worked out by hand fro
 minutes and seconds.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from pipeline.voyage.positions import read_position

@@ -1,7 +1,5 @@
 """Positions, quantities, months and vessels as people write them."""
 
-from __future__ import annotations
-
 import math
 import re
 from datetime import date, timedelta

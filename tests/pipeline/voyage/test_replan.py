@@ -1,7 +1,5 @@
 """A voyage planned again under way, from its results: the fuel, the files, refusals."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

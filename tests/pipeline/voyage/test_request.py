@@ -1,7 +1,5 @@
 """The scenario of a one-line request."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any

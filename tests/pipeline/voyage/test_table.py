@@ -1,7 +1,5 @@
 """One table of options: whatever is a field of it is asked for everywhere."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import tomllib

@@ -1,7 +1,5 @@
 """Waters and a vessel for voyages in one line."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping
 from pathlib import Path

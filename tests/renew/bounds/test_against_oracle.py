@@ -5,8 +5,6 @@ narrow water decides; a slow test at all. Then gaps that are asked for, and the 
 a haven.
 """
 
-from __future__ import annotations
-
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

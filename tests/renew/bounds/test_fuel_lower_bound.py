@@ -1,7 +1,5 @@
 """The lower bound on fuel: each condition of its proof, then the bound against real paths."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

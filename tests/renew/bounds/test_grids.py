@@ -1,7 +1,5 @@
 """Grids of the bound: times against straight lines, and the current against its interpolant."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

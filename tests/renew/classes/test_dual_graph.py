@@ -1,7 +1,5 @@
 """The dual graph against Euler's formula, its searches against networkx, and crossed triangles."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

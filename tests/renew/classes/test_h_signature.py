@@ -1,7 +1,5 @@
 """The h-signature: words name classes, and moving a path within its class doesn't change them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """The k best paths, reduced rows and channels against networkx and Dijkstra's algorithm."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

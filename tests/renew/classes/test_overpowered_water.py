@@ -1,7 +1,5 @@
 """Overpowered water: no route leads through it, and the plan says where it is."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

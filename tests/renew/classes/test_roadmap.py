@@ -1,7 +1,5 @@
 """The roadmap's legs against shapely and scipy: clear of land, and timed by Eq. 4."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

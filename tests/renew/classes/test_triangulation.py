@@ -1,7 +1,5 @@
 """Both triangulators against the definition of a constrained Delaunay triangulation."""
 
-from __future__ import annotations
-
 import gc
 import itertools
 import math

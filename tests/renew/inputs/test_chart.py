@@ -1,7 +1,5 @@
 """The chart and the vessel: bad figures are refused, and what counts as land."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Current fields against independent interpolation, differences and samples."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of a current against SciPy's interpolation and against the field itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

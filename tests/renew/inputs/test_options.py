@@ -1,7 +1,5 @@
 """Options, times and points: all faults in them are named at once."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

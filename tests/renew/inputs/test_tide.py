@@ -1,7 +1,5 @@
 """Heights of the tide: closed forms of single constituents, bounds, spelling, and bad input."""
 
-from __future__ import annotations
-
 import datetime as dt
 import itertools
 import math

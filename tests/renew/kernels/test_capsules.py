@@ -1,7 +1,5 @@
 """Segments and capsules against shapely and dense sampling; angles folded into one turn."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Speeds of least cost beside SciPy's optimizer, their slopes, and chains in simple water."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The current's table at times that are no numbers, its strong spells, and searches in arrays."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

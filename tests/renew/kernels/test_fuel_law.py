@@ -1,7 +1,5 @@
 """The law of fuel: the spline through given powers, and its derivatives."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

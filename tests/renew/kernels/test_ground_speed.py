@@ -1,7 +1,5 @@
 """Speed over ground against the triangle of velocities."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

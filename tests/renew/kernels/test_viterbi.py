@@ -1,7 +1,5 @@
 """The quickest chain against all chains, and shortcuts against a plain twin, by the clock."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Corridors padded as a plan would pad them, and waters in which paths are refined."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The corridor of a class: what its legs must avoid, and where it is blocked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Least-fuel paths against a visibility graph and against random chains."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from functools import partial

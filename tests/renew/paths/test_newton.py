@@ -1,7 +1,5 @@
 """Newton's method on a path's points: long stretches rotate; none gets slower or touches land."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

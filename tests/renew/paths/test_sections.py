@@ -1,7 +1,5 @@
 """Sections across a channel and their free intervals, and refinement on transversals."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Speeds along a given path, also as the current changes: optimizers, deadline, trade-off."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

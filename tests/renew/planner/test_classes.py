@@ -1,7 +1,5 @@
 """Classes of a plan: what they share, which are rejected and why, and what is suggested then."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import pickle

@@ -1,7 +1,5 @@
 """Padding that grows for the triangles a path really crosses, and for its turns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Hours at which the current shuts a class's way, and the clearance that yields in narrows."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

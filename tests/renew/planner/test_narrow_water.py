@@ -4,8 +4,6 @@ An oracle of its own flies the hard-over turns: circles, drawn with NumPy, again
 polygons. In still water that is all there is to a turn.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

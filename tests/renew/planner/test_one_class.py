@@ -1,7 +1,5 @@
 """The best route of one class: it stays in the class, and if there is none the reason is given."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

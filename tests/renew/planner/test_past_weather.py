@@ -1,7 +1,5 @@
 """Ways past wind and waves over a limit: never in them, and as early as an oracle's."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import math

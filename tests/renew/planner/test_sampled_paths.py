@@ -1,7 +1,5 @@
 """The paper's random chains: in free water, shortened in their class, and the class they choose."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Sequence
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Whether a vessel can sail a trajectory."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Corners: which are rounded on their outer side, around which discs, and by which radius."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

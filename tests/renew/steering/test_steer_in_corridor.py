@@ -1,7 +1,5 @@
 """Paths steered in their corridor: sailable, clear of the padding, and around sharp corners."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """Trajectories: they can be sailed, take the crab model's time, or are refused for a reason."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

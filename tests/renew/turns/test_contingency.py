@@ -1,7 +1,5 @@
 """Hard-over turns flown along a route, and the place where it is nearest to land."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

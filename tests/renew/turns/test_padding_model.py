@@ -1,7 +1,5 @@
 """The padding of edges beside a channel: its risk, its floor, and how it follows the risk."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

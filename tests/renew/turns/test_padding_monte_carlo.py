@@ -5,8 +5,6 @@ a share 1 - σ of the drawn turns reaches beyond the edge's padding. The test us
 gives (the channel, the padding of each edge) and the current.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The reach of a hard-over turn: the published pair, and the closed form against integration."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Verification by hard-over turns against a twin that flies every turn and asks shapely."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

@@ -1,7 +1,5 @@
 """A path that somebody else drew is assessed by the planner's own laws."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planned again under way: the class is kept or left, and what drift and the forecast changed."""
 
-from __future__ import annotations
-
 import math
 import pickle
 import statistics

@@ -1,7 +1,5 @@
 """The choice of speeds while the current changes on the way."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """When to leave: fuel by departure, the best one and its proof, and arrival by a time."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Literal

@@ -1,7 +1,5 @@
 """Statistics of fuels by weights, beside those of plain lists and of a linear programme."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

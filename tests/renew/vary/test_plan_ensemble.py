@@ -1,7 +1,5 @@
 """Plans in an ensemble: turns in every member, equal members, bounds, and what is refused."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

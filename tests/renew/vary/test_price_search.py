@@ -1,7 +1,5 @@
 """The choice of speeds: least fuel by a deadline."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from dataclasses import replace

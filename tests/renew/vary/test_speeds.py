@@ -1,7 +1,5 @@
 """Speeds chosen through via points, around areas shut for some hours, and at several departures."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Fuel along a path against closed forms and quadrature, and how early or late a vessel may be."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Maps: their graticule, arrows, widths and layers."""
 
-from __future__ import annotations
-
 import math
 import re
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """The documents' pictures: small, shown, and up to date with the code."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The small run with changes that a file format might not handle."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

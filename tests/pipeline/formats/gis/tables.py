@@ -1,7 +1,5 @@
 """What the tests read from a GeoPackage."""
 
-from __future__ import annotations
-
 import sqlite3
 from contextlib import closing
 from dataclasses import replace

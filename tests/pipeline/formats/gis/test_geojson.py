@@ -1,7 +1,5 @@
 """GeoJSON: valid by RFC 7946, with the same routes as the GeoPackage."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

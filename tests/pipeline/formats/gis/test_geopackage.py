@@ -1,7 +1,5 @@
 """The layers of `routes.gpkg`, and the file around them."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

@@ -1,7 +1,5 @@
 """QGIS itself, without a window: it opens the project inside the file, and the plain layers."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """How QGIS shows a run: the view of its map, and the styles of its layers."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """GPX: what gpxpy and GDAL read back, and the order of elements that GPX 1.1 wants."""
 
-from __future__ import annotations
-
 import re
 from datetime import UTC, datetime
 from pathlib import Path

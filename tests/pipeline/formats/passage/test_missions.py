@@ -1,7 +1,5 @@
 """Missions, their fence and rally points, read from the file, beside the chart as it is fetched."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

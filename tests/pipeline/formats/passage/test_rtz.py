@@ -1,7 +1,5 @@
 """RTZ: valid by our own strict schema (and the published ones, if available), and correct."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone

@@ -1,7 +1,5 @@
 """Legs as they are drawn, their cross-track limits, and the fewest waypoints in safe water."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 import pytest

@@ -1,7 +1,5 @@
 """Where speeds are chosen: legs of about one speed, and files that hold what is sailed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Waypoints: fewer than the path has, and every leg as safe as the plan."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

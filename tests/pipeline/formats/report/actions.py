@@ -1,7 +1,5 @@
 """Actions of a reader on a page, and what the page then shows."""
 
-from __future__ import annotations
-
 import base64
 import io
 from pathlib import Path

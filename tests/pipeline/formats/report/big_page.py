@@ -1,7 +1,5 @@
 """A report of the largest size: 50,000 vertices of coast, 16 routes, 7,000 arrows per season."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

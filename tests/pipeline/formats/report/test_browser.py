@@ -1,7 +1,5 @@
 """The page in a real browser: mouse, keyboard, screen reader, and no requests."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The page in a browser: its map, live and still, and its layout."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The page: what it says, what it doesn't know, and what it is made of."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

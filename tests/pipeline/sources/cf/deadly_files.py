@@ -1,7 +1,5 @@
 """A probe that stands in for one that files hang or crash; its worker imports nothing else."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

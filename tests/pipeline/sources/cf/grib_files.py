@@ -1,7 +1,5 @@
 """GRIB files for tests, by ecCodes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import eccodes

@@ -6,8 +6,6 @@ interpolation is exact. Each file is right (to the formula's value at `DEPARTURE
 decided is said, or it is refused, mostly with a remedy that is followed here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta

@@ -4,8 +4,6 @@ The structure is that of NOAA's files of edition 2.0; that of edition 1.1 is fro
 text.
 """
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ Each form is written with its own points: on axes, with index dimensions, with 2
 turned and curved grid, staggered, on triangles, and as S-111.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A synthetic sea on a grid, written in the many ways of the CF conventions, and read back."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The user's own files are read and checked, and used or refused by the command line."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

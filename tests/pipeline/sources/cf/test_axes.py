@@ -1,7 +1,5 @@
 """Axes and times of the user's files: which steps make up a field, what makes no grid."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Members of a forecast and their mean; tidal streams from constants, with a residual."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """What the user's files contain: the same sea in all variants and divisions, or a refusal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Damaged and odd files of currents are refused with one line, whatever the libraries raise."""
 
-from __future__ import annotations
-
 import json
 import os
 import tracemalloc

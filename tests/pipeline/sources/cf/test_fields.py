@@ -1,7 +1,5 @@
 """Fields of the user's files: a window of them, their steps, forecasts that overlap."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 

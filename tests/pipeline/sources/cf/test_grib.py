@@ -1,7 +1,5 @@
 """Currents in GRIB files, editions 1 and 2: read as the same in NetCDF, or refused by name."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Nothing is guessed in silence: each file is right, or it is said, or refused with a remedy."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

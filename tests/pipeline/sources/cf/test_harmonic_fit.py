@@ -1,7 +1,5 @@
 """Constants fitted to a synthetic year of streams, and the series that are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path

@@ -4,8 +4,6 @@ One analytic current is written in each form, read, and planned in; a fault that
 is planted into files, and must be seen in what is read.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

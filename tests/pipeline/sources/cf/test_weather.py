@@ -1,7 +1,5 @@
 """Wind, gusts and waves in files as people have them: one reader reads all, or says why not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The acceptance check: a valid file is accepted unchanged, and every defect is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Copernicus without its service: account, requests, coverage and cache."""
 
-from __future__ import annotations
-
 import base64
 import configparser
 import json

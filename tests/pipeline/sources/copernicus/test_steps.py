@@ -1,7 +1,5 @@
 """The time steps of a dataset that make up a season's field."""
 
-from __future__ import annotations
-
 import calendar
 from datetime import UTC, date, datetime, timedelta
 

@@ -1,7 +1,5 @@
 """The unmodified client against the loopback store: right data cell by cell, and each fault."""
 
-from __future__ import annotations
-
 import base64
 import json
 import logging

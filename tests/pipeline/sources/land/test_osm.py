@@ -1,7 +1,5 @@
 """OpenStreetMap's land, from the cache as the package has it; coarse land around a region."""
 
-from __future__ import annotations
-
 import errno
 import os
 import subprocess

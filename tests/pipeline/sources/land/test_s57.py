@@ -1,7 +1,5 @@
 """No-go zones from S-57 cells, and voyages on them."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

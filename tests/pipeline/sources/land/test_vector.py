@@ -1,7 +1,5 @@
 """Land from the user's files: the same in any format and CRS, and nothing is guessed."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
