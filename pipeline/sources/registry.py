@@ -29,6 +29,7 @@ from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.scenario.season import Currents, MembersSpec, Season, StreamConstants, period
+from pipeline.scenario.strict import near_miss
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 
 
@@ -224,12 +225,13 @@ class EmbeddedTable(CurrentSource):
                 "time_method = 'changing'; give a file with time steps (--currents, or 'currents')"
             )
         if part is None:
-            known = (
-                f"{name} (months {', '.join(map(str, season.months))})" * bool(season.months)
-                or name
+            months = "; ".join(
+                f"{name} is of the months {', '.join(map(str, season.months))}"
                 for name, season in self.spec.seasons.items()
+                if season.months
             )
-            return f"{self.spec.name} has no season {case.name!r}, but {', '.join(known)}"
+            hint = near_miss(case.name, self.spec.seasons)
+            return f"{self.spec.name} has no season {case.name!r}: {hint}; {months or 'it has no months'}"
         lacking = sides_beyond(region.bounds, self._bounds(part))
         if not lacking:
             return ""

@@ -122,7 +122,7 @@ def test_a_season_that_is_named_by_its_month_has_the_monsoons_currents() -> None
         assert np.array_equal(grid.u, same.u, equal_nan=True)
         assert table.identity(named(month)) == table.identity(season(monsoon))
         assert table.covered_bounds(region, named(month)) == region.bounds
-    assert "no season '2024-05', but summer (months 6, 7" in table.uncovered_reason(
+    assert "summer is of the months 6, 7, 8, 9; winter is of" in table.uncovered_reason(
         region, named("2024-05")
     )
     assert table.covered_bounds(region, named("2024-05")) is None
