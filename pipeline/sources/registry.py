@@ -230,8 +230,8 @@ class EmbeddedTable(CurrentSource):
                 for name, season in self.spec.seasons.items()
                 if season.months
             )
-            hint = near_miss(case.name, self.spec.seasons)
-            return f"{self.spec.name} has no season {case.name!r}: {hint}; {months or 'it has no months'}"
+            hint = f"{near_miss(case.name, self.spec.seasons)}; {months or 'it has no months'}"
+            return f"{self.spec.name} has no season {case.name!r}: {hint}"
         lacking = sides_beyond(region.bounds, self._bounds(part))
         if not lacking:
             return ""
