@@ -230,7 +230,8 @@ class EmbeddedTable(CurrentSource):
                 for name, season in self.spec.seasons.items()
                 if season.months
             )
-            hint = f"{near_miss(case.name, self.spec.seasons)}; {months or 'it has no months'}"
+            nearest = near_miss(case.name, self.spec.seasons)
+            hint = f"{nearest}{'' if nearest.endswith('?') else ';'} {months or 'it has no months'}"
             return f"{self.spec.name} has no season {case.name!r}: {hint}"
         lacking = sides_beyond(region.bounds, self._bounds(part))
         if not lacking:

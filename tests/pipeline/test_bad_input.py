@@ -102,7 +102,7 @@ def with_line(text: str, old: str, new: str) -> str:
         ),
         ("paper-asv", "paper-avs", ["vessel", "paper-avs", "did you mean 'paper-asv'"]),
         ("embedded-palawan", "embeded-palawan", ["seasons[0].currents[0]", "'embedded-palawan'"]),
-        ('"summer"', '"sumer"', ["no season 'sumer'", "but summer (months 6, 7"]),
+        ('"summer"', '"sumer"', ["'sumer': did you mean 'summer'? summer is of the months 6, 7"]),
         ('"2024-07"', '"July"', ["seasons[0].valid = 'July' is not a time", "YYYY-MM-DDTHH:MMZ"]),
         ('"2024-07"', '"2024-02-30"', ["seasons[0].valid = '2024-02-30'", "is not a time (day "]),
         ("valid =", 'time_method = "median"\nvalid =', ['time_method = "median"', "'nearest'"]),
