@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_097, 27),
     "pipeline/scenario": (2_245, 37),
     "pipeline/serve": (1_692, 9),
-    "pipeline/sources": (9_913, 46),
+    "pipeline/sources": (9_914, 46),
     "pipeline/stages": (4_953, 14),
     "pipeline/voyage": (2_069, 8),
     "renew/bounds": (1_604, 8),
