@@ -14,7 +14,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -23,7 +23,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 from numba.core import cgutils
-from numba.core.caching import IndexDataCacheFile
 from numba.core.codegen import CodeLibrary, CPUCodegen
 from numba.core.compiler import CompileResult
 from numba.core.pythonapi import PythonAPI
@@ -51,6 +50,8 @@ def kernel(function: FunctionT, **more: bool) -> FunctionT:
     finally:
         config.CACHE_LOCATOR_CLASSES = earlier
     if is_switched_on():
+        saving = compiled._cache._cache_file
+        saving.save = partial(_saved_alone, saving.save)
         compiled._cache._impl.rebuild = _rebuilt
     return cast("FunctionT", compiled)
 
@@ -236,10 +237,9 @@ def _unserialized_or_raised(api: Any, pointer: object) -> object:
 
 
 PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]
-_SAVE = IndexDataCacheFile.save
 
 
-def _saved_alone(index: Any, key: object, code: object) -> None:
+def _saved_alone(save: Callable[[object, object], None], key: object, code: object) -> None:
     """Save machine code while no other process does, on a file system that has locks.
 
     Numba reads the index of a kernel, adds an entry and writes it. Of two processes that did so at
@@ -249,12 +249,9 @@ def _saved_alone(index: Any, key: object, code: object) -> None:
     try:
         with contextlib.suppress(OSError):
             fcntl.flock(folder, fcntl.LOCK_EX)
-        _SAVE(index, key, code)
+        save(key, code)
     finally:
         os.close(folder)
-
-
-IndexDataCacheFile.save = _saved_alone  # type: ignore[method-assign]
 
 
 def _rebuilt(context: Any, saved: Any) -> Any:
