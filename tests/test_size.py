@@ -15,7 +15,7 @@ from tests.conftest import ROOT
 
 # Room -> largest number of lines, and of types.
 ROOMS = {
-    "renew": (1_562, 29),
+    "renew": (1_559, 29),
     "pipeline": (1_115, 12),
     "pipeline/cli": (2_406, 6),
     "pipeline/findings": (3_789, 18),
