@@ -225,7 +225,6 @@ def _tell(fields: Mapping[str, Any]) -> None:
 
 
 def _tell_event(event: Event) -> None:
-    """Send an event of a run."""
     _tell(
         {
             "event": "progress",
@@ -238,7 +237,6 @@ def _tell_event(event: Event) -> None:
 
 
 def _tell_step(_case: object, step: Step) -> None:
-    """Send a step of a plan."""
     line = None if step.path is None else drawn(step.path)
     _tell({"event": "step", "detail": _STEPS[step.kind], "line": line})
 

@@ -482,7 +482,6 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
 
 
 def _class_name(one: Rejected | Route) -> Text:
-    """Return the name of a class for a sentence."""
     return Text("{0}", (ClassName(shortened(one.homotopy)),))
 
 

@@ -158,7 +158,6 @@ def _all_times(fields: Sequence[CurrentField]) -> FloatArray:
 
 
 def _weight_faults(weights: FloatArray, names: Sequence[str]) -> list[str]:
-    """Faults of the weights of members."""
     if weights.shape != (len(names),):
         return [f"weights has shape {weights.shape}; there must be {len(names)}, one a member"]
     bad = [

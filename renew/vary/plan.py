@@ -245,7 +245,6 @@ def plan_departures(
 
 
 def _sweep_faults(method: object, speed: object, arrive_by: object, to_within: object) -> list[str]:
-    """Faults of a sweep of departures."""
     faults = []
     if to_within is not None and not (is_finite(to_within) and to_within > 0):
         faults.append(f"to_within = {shown(to_within)} s must be finite and above 0")
