@@ -203,9 +203,7 @@ def _check(asked: Mapping[str, Any]) -> None:
     _tell({"event": "done", "directory": asked["output"], "files": [], "failures": []})
 
 
-def _scenario(
-    asked: Mapping[str, Any],
-) -> tuple[VoyageRequest, Scenario, tuple[str, ...]]:
+def _scenario(asked: Mapping[str, Any]) -> tuple[VoyageRequest, Scenario, tuple[str, ...]]:
     """Return the request of a voyage, its scenario, and notes.
 
     A hash is added to its name, so that the results of one request never replace those of another.

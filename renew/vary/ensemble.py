@@ -256,13 +256,7 @@ def worst_weights(fuels: FloatArray, weights: FloatArray, tail: float = TAIL) ->
 
 
 def surely_dearer(
-    name: Statistic,
-    fuels: FloatArray,
-    weights: FloatArray,
-    best: int,
-    *,
-    sure: float,
-    seed: int,
+    name: Statistic, fuels: FloatArray, weights: FloatArray, best: int, *, sure: float, seed: int
 ) -> BoolArray:
     """Whether each class (k,) is dearer than the `best` one by more than chance.
 

@@ -11,13 +11,7 @@ from renew.errors import ParameterError, is_finite, shown
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentLike
 from renew.inputs.openings import ShutArea, TidalDepth
-from renew.inputs.options import (
-    Changes,
-    PlanOptions,
-    ViaPoints,
-    as_departures,
-    is_one_of,
-)
+from renew.inputs.options import Changes, PlanOptions, ViaPoints, as_departures, is_one_of
 from renew.planner.plan import finished, or_with_shortfall, plan_request
 from renew.planner.problem import check_departures
 from renew.request import Place, Request, Speeds, options_by_name

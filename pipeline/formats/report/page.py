@@ -37,12 +37,7 @@ from pipeline.formats.passage import waypoints
 from pipeline.formats.passage.missions import MAX_VERTICES, fence_of
 from pipeline.formats.passage.waypoints import KNOTS_PER_M_S, NAUTICAL_MILE_M
 from pipeline.formats.records import versions
-from pipeline.formats.report.map_data import (
-    coarser,
-    map_data,
-    numbered_sides,
-    place_on_map,
-)
+from pipeline.formats.report.map_data import coarser, map_data, numbered_sides, place_on_map
 from pipeline.geo.coast import within
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
@@ -50,10 +45,7 @@ from renew import Rejected
 
 Notice = tuple[str, tuple[tuple[str, str], ...]]
 """A notice beside the answer: a title, and items, each with the title of a case and a text."""
-_FILTERS = (
-    *("number", "fuel", "hours", "days", "percent", "share", "plain"),
-    "capitalised",
-)
+_FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "capitalised")
 
 
 def write_report(result: RunResult, path: Path) -> None:
