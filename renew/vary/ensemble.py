@@ -66,11 +66,6 @@ class Members(NamedTuple):
     names: tuple[str, ...]
 
     @property
-    def are_steady(self) -> bool:
-        """Whether no member changes."""
-        return self.fields[0].is_steady
-
-    @property
     def distinct(self) -> tuple[CurrentField, ...]:
         """The fields, each once."""
         return tuple({id(field): field for field in self.fields}.values())
@@ -315,7 +310,7 @@ class EnsembleBound:
         if name == "regret":
             return 0.0
         by_members = float(statistic(name, self.of_members[None], self.members.weights, tail)[0])
-        if not self.members.are_steady or name == "p90":
+        if not self.members.fields[0].is_steady or name == "p90":
             return by_members
         return max(by_members, self.in_mean.value, self._dual(tail) if name == "cvar90" else 0.0)
 
