@@ -22,6 +22,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.scenario.season import Season, source_name
 from pipeline.scenario.strict import Point
+from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.land.shapes import box_around
@@ -260,8 +261,11 @@ def _land_near(source: LandSource, lon: float, lat: float) -> Geometries:
 
     The run itself checks with its whole region whether the chart covers it.
     """
+    box = box_around(shapely.Point(lon, lat), _LOOK_M)
     try:
-        found = source.land(box_around(shapely.Point(lon, lat), _LOOK_M)).polygons
+        # The world's land without its second shoreline, which takes as long to read.
+        is_world = source == Overlay((osm.OsmLand(),))
+        found = (osm.land_polygons(box) if is_world else source.land(box)).polygons
     except RequestError:
         found = ()
     return np.array(found, dtype=object)
