@@ -440,12 +440,10 @@ class _Stages:
         self.on_event(Event(stage, "done", seconds=self.timings[stage]))
 
     def _say_case(self, status: Status) -> None:
-        """Report how a case ended."""
         ended: Literal["failed", "done"] = "failed" if status.failure else "done"
         self.on_event(Event("plan", ended, season=status.case, detail=status.failure))
 
     def _say_file(self, name: str) -> None:
-        """Report the file that is being written."""
         self.on_event(Event("write", "part", detail=name))
 
     def _is_written(self, key: str, directory: Path) -> bool:

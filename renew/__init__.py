@@ -24,14 +24,7 @@ from renew.inputs.current import (
     UniformCurrent,
     VaryingCurrent,
 )
-from renew.inputs.openings import (
-    Haven,
-    LeastWater,
-    OverLimit,
-    ShutArea,
-    TidalArea,
-    TidalDepth,
-)
+from renew.inputs.openings import Haven, LeastWater, OverLimit, ShutArea, TidalArea, TidalDepth
 from renew.inputs.options import PlanOptions
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.planner.near_best import near_best

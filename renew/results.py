@@ -18,13 +18,7 @@ import shapely
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import FuelBound
 from renew.classes.dual_graph import Channel, visits
-from renew.errors import (
-    PlanningError,
-    Strait,
-    Text,
-    UnreachableError,
-    from_until,
-)
+from renew.errors import PlanningError, Strait, Text, UnreachableError, from_until
 from renew.inputs.openings import LeastWater, Opening
 from renew.request import Request
 

@@ -54,10 +54,7 @@ def night_progress() -> NightEventHandler:
 
 
 def watched(
-    night: Callable[[], NightOutcome],
-    *,
-    url: str | None,
-    on_event: NightEventHandler,
+    night: Callable[[], NightOutcome], *, url: str | None, on_event: NightEventHandler
 ) -> NightOutcome:
     """Run a night and report it; if the report fails, there is only a note.
 

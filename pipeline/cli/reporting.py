@@ -73,7 +73,6 @@ def _but_notes(on_event: EventHandler, event: Event) -> None:
 
 
 def _machine_notes() -> Iterator[str]:
-    """Yield notes for the user on this machine."""
     from renew._compiled import cache_is_temporary
 
     if cache_is_temporary():

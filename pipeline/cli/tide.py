@@ -82,7 +82,6 @@ def fit(series: list[str], *, out: Path) -> None:
 
 
 def _span(begin: str | None, end: str | None) -> tuple[datetime, datetime]:
-    """Read the first and the last moment."""
     faults = Faults()
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     first = faults.collect(lambda: _moment("--from", begin or today, at_end=False))

@@ -276,7 +276,6 @@ class _WayNamer:
         return winding
 
     def _name(self, island: int) -> str:
-        """Return an island's name, or its number."""
         return self._names.get(island, str(island))
 
     @cached_property

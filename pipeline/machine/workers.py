@@ -156,7 +156,6 @@ class Worker:
         return self._last_words()
 
     def _start(self) -> None:
-        """Start the process."""
         ours, theirs = multiprocessing.Pipe()
         entries = [str(_ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
         # An empty entry means the working directory, and is left out.

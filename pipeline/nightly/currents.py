@@ -161,10 +161,8 @@ def _ahead_reason(issue: Issue, named: Currents, now: datetime) -> str:
 
 
 def _spelled(time: datetime) -> str:
-    """Return a time as text for a message."""
     return f"{time:%Y-%m-%d %H:%M} UTC"
 
 
 def _hash(texts: Iterable[str]) -> str:
-    """Return a hash of texts, hexadecimal."""
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()

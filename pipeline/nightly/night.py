@@ -347,11 +347,9 @@ class _Night:
         self.handler(NightEvent(stage, "done", seconds=self.seconds[stage]))
 
     def _progress(self, done: int, total: int) -> None:
-        """Report the progress of the current stage."""
         self.handler(NightEvent(self._current_stage, "working", done=done, total=total))
 
     def _note(self, text: str) -> None:
-        """Report a note."""
         self.handler(NightEvent(self._current_stage, "note", text))
 
     def _check_time(self) -> None:

@@ -237,7 +237,6 @@ class Planning:
         return worker.PlanBatch(tasks, self.chart_path(cases[0]), self.look_percent, self.stale)
 
     def _case_task(self, case: NightCase) -> worker.NightCaseTask:
-        """Return the task of a case."""
         pair, current, chart = case.pair, self.current_path(case), self.chart_path(case)
         return worker.NightCaseTask(
             case.index,

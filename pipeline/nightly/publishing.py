@@ -42,7 +42,6 @@ _TYPES = {"text": pa.string(), "number": pa.float64(), "whole": _COUNT, "time": 
 
 
 def _columns(table: str) -> list[tuple[str, pa.DataType]]:
-    """Return names and types of the columns of a table."""
     named: list[str] = records.COLUMNS[table]
     return [(name, _TYPES[kind]) for name, kind in map(str.split, named)]
 
@@ -138,7 +137,6 @@ def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | No
 
 
 def _frame(routes: list[Row]) -> layers.GeoDataFrame:
-    """Return rows as a GeoDataFrame in lon/lat."""
     import geopandas
 
     # Without a zone: a GIS converts times with a zone to local time, and shows others unchanged.

@@ -255,7 +255,6 @@ def case_lines(output: Path, asked: str) -> Iterator[str]:
 
 
 def _spelled(value: object) -> str:
-    """Return a value as text."""
     if isinstance(value, datetime):
         return value.strftime("%Y-%m-%d %H:%MZ")
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -296,7 +296,6 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
 
 
 def _case_of(case: NightCaseTask, chart: NightChart, current: NightCurrent) -> model.Case:
-    """Return what the planner plans."""
     scenario, water = chart.scenario, chart.water
     start, goal = water.to_plane([case.start or scenario.start, case.goal or scenario.goal])
     voyage = model.Case(
@@ -343,7 +342,6 @@ def _row_of(case: NightCaseTask, rank: int) -> Row:
 
 
 def _described(current: NightCurrent) -> Row:
-    """Return the columns that describe the current."""
     return {
         "currents": current.valid,
         "source": current.source,
@@ -355,7 +353,6 @@ def _described(current: NightCurrent) -> Row:
 def _route_row(
     case: NightCaseTask, voyage: model.Case, route: Route, figure: model.RouteMetrics
 ) -> Row:
-    """Return a route's row."""
     lonlat = voyage.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
         **{name: _known(value) for name, value in figures(figure, "night").items()},

@@ -97,7 +97,6 @@ def _with_charts(data: dict[str, Any], charts: Sequence[Mapping[str, Any]]) -> d
 
 
 def _repeated_seasons(scenario: Scenario) -> Iterator[str]:
-    """Find names that several seasons have."""
     for name, count in Counter(season.name for season in scenario.seasons).items():
         if count > 1:
             yield f"has {count} seasons called {name!r}; rename all but one"

@@ -3,13 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import (
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    model_serializer,
-    model_validator,
-)
+from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
 
 from pipeline.scenario import strict
 from pipeline.scenario.strict import NonNegative, StrictModel

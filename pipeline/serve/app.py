@@ -201,11 +201,7 @@ def _add_errors(app: FastAPI) -> None:
 _ANY = "application/octet-stream"
 _POLICY = "content-security-policy"
 # The status of each error's answer, the particular ones first.
-_STATUS: dict[type[PipelineError], int] = {
-    RequestError: 422,
-    StageError: 507,
-    PipelineError: 500,
-}
+_STATUS: dict[type[PipelineError], int] = {RequestError: 422, StageError: 507, PipelineError: 500}
 
 
 def _add_pages(app: FastAPI) -> None:
@@ -262,10 +258,7 @@ def _add_names(app: FastAPI) -> None:
             "currents": {
                 name: entry.title
                 for name in catalogue.names("sources")
-                if not isinstance(
-                    entry := catalogue.source(name),
-                    catalogue.ChartEntry,
-                )
+                if not isinstance(entry := catalogue.source(name), catalogue.ChartEntry)
             },
             "tides": list(catalogue.stations()),
         }
@@ -391,9 +384,7 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
                 archive.write(file, f"{name}/{file.name}")
         kept = f'attachment; filename="{name}.zip"'
         return Response(
-            packed.getvalue(),
-            media_type="application/zip",
-            headers={"content-disposition": kept},
+            packed.getvalue(), media_type="application/zip", headers={"content-disposition": kept}
         )
 
     @app.get("/plan/{identity}/report.html", include_in_schema=False, response_model=None)

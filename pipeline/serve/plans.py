@@ -367,7 +367,6 @@ class AskedPlan:
         self.is_found.set()
 
     def _progress(self, event: Mapping[str, Any]) -> None:
-        """Take in an event of a stage."""
         if event["status"] == "note":
             self._note(event["detail"])
         elif event["status"] == "begun":
@@ -382,7 +381,6 @@ class AskedPlan:
             self.detail = event["detail"]
 
     def _note(self, note: str) -> None:
-        """Keep a note, once."""
         if note not in self.notes and len(self.notes) < _MAX_NOTES:
             self.notes.append(note)
 
@@ -538,7 +536,6 @@ class Plans:
                 resting = asyncio.create_task(self._rested(spare, work))
 
     def _ended(self, name: str, _: asyncio.Task[None]) -> None:
-        """Forget a work that ended."""
         self._work.pop(name, None)
 
     async def _rested(self, worker: ServingWorker, work: asyncio.Task[None]) -> None:
@@ -587,7 +584,6 @@ class Plans:
         return True
 
     async def _prepare(self, worker: ServingWorker) -> None:
-        """Prepare a voyage with a worker."""
         assert self._ahead is not None  # noqa: S101 - None was taken from the queue for it
         try:
             async for _ in worker.plan(self._asked(self._ahead, prepares=True), self._limit_s):

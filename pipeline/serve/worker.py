@@ -203,9 +203,7 @@ def _check(asked: Mapping[str, Any]) -> None:
     _tell({"event": "done", "directory": asked["output"], "files": [], "failures": []})
 
 
-def _scenario(
-    asked: Mapping[str, Any],
-) -> tuple[VoyageRequest, Scenario, tuple[str, ...]]:
+def _scenario(asked: Mapping[str, Any]) -> tuple[VoyageRequest, Scenario, tuple[str, ...]]:
     """Return the request of a voyage, its scenario, and notes.
 
     A hash is added to its name, so that the results of one request never replace those of another.
@@ -225,7 +223,6 @@ def _tell(fields: Mapping[str, Any]) -> None:
 
 
 def _tell_event(event: Event) -> None:
-    """Send an event of a run."""
     _tell(
         {
             "event": "progress",
@@ -238,7 +235,6 @@ def _tell_event(event: Event) -> None:
 
 
 def _tell_step(_case: object, step: Step) -> None:
-    """Send a step of a plan."""
     line = None if step.path is None else drawn(step.path)
     _tell({"event": "step", "detail": _STEPS[step.kind], "line": line})
 

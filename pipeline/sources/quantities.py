@@ -78,7 +78,6 @@ class Quantity:
 
 
 def _quantities() -> Iterator[Quantity]:
-    """Yield the quantities of the table."""
     for name, row in table_beside(__file__, "quantities.toml").items():
         for key in {"standard_names", "polar_names", "variable_names"} & row.keys():
             row[key] = tuple((one, one) if isinstance(one, str) else tuple(one) for one in row[key])

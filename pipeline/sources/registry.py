@@ -207,7 +207,6 @@ class EmbeddedTable(CurrentSource):
 
     @cached_property
     def _bytes(self) -> bytes:
-        """The table's file."""
         return (catalogue.root() / "currents" / self.spec.table).read_bytes()
 
     def identity(self, case: Season) -> tuple[str, ...]:

@@ -222,7 +222,6 @@ class _Entry(_Loose):
 
 
 def _entry(data: _Entry, faults: list[str]) -> Station:
-    """Return what a station of the tide-database says."""
     if data.type == "subordinate" or data.offsets:
         reference = shown(data.offsets.get("reference", "its reference station"))
         raise RequestError(
@@ -261,7 +260,6 @@ class _Harcon(_Loose):
 
 
 def _harcon(data: _Harcon, path: Path, faults: list[str]) -> Station:
-    """Return what a file of NOAA's service says."""
     if data.units.strip().lower() not in _METRES:
         faults.append(
             f"units = {shown(data.units)}: the amplitudes are not in metres; fetch the file with "

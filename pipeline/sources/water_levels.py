@@ -61,7 +61,6 @@ class LevelSeries(renew.Tide):
 
     @cached_property
     def _curve(self) -> "CubicSpline":
-        """The spline through the levels."""
         from scipy.interpolate import CubicSpline
 
         return CubicSpline(self.instants, self.levels)

@@ -108,7 +108,6 @@ def bounds_of_sides(result: Artefact[RunResult], store: Store, late: Faults) -> 
 
 
 def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tuple[Note, ...]:
-    """Return the notes on the routes and on unknowns."""
     return (
         *safety_notes(result),
         *shut_notes(planned),

@@ -302,7 +302,6 @@ def shut_notes(planned: Iterable[tuple[model.Case, model.CaseResult]]) -> tuple[
 
 
 def _file(area: AvoidedArea) -> VectorFile:
-    """Return the reader of an area's file."""
     keys = area.model_dump(exclude={"from", "begin", "until"})
     return VectorFile(Path(area.path), ChartSource(**keys))
 

@@ -134,7 +134,6 @@ def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -
 
 
 def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iterator[CaseTask]:
-    """Yield a task for each case."""
     scenario, fetched = chosen.scenario, chosen.fetched
     options = scenario.planner
     scene = scene_inputs(scenario)

@@ -63,7 +63,6 @@ def planned(
 def _planned(
     case: model.Case, options: PlannerOptions, on_step: OnStep, havens: Sequence[renew.Haven]
 ) -> model.CaseResult:
-    """Plan a case once."""
     started = time.perf_counter()
     scale, arrive_by_s = case.projection.scale, math.inf
     asked = model.plan_options(options, scale, min_lateness=MIN_LATENESS_S)
@@ -111,7 +110,6 @@ _REMEDIES = "To find a route"
 def _failed(
     case: model.Case, error: renew.PlanningError, options: renew.PlanOptions, seconds: float
 ) -> model.CaseResult:
-    """Return the result of a case without a plan."""
     # In a wider region ways are longer, so a vessel that comes too late comes later still.
     is_shut = (
         isinstance(error, renew.UnreachableError)

@@ -173,6 +173,5 @@ class _Tasks:
             self._end(Status(task.case, failure, crashed=found is None))
 
     def _end(self, status: Status) -> None:
-        """Report a task's status."""
         del self._open[status.case]
         self._on_status(status)

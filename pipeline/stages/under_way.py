@@ -257,7 +257,6 @@ class FinishedSeason:
 
     @property
     def _features(self) -> Path:
-        """The file of the routes."""
         stem = safe_name(f"{self.scenario['name']}-{self.season['name']}")
         return self.folder / f"{stem}.geojson"
 
@@ -299,7 +298,6 @@ def finished_season(results: Path, season: str) -> FinishedSeason:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Read an object of JSON from a folder of results."""
     if reason := unreadable_reason(path):
         raise RequestError(
             f"RESULTS: {shown(path)} {reason}; give the folder of a finished run, such as "

@@ -163,7 +163,6 @@ def faults_of_pairs(
 def _faults_of_vessel(
     asked: SimpleNamespace, at: SimpleNamespace, *, is_range: bool
 ) -> Iterator[str]:
-    """Yield what is wrong between a vessel and its figures."""
     figures = {name: getattr(asked, name) for name in ("speed", "length", "turning_circle")}
     lacking = [getattr(at, name) for name, figure in figures.items() if not figure]
     if is_range and asked.vessel:
@@ -279,7 +278,6 @@ def _faults_of_via(ends: Sequence[Position], via: Sequence[Position], option: st
 
 
 def _faults_of_stations(stations: tuple[str, ...]) -> Iterator[str]:
-    """Yield what is wrong in the files of stations of the tide."""
     from pipeline.scenario.model import TideSpec
     from pipeline.sources.tide_stations import stations_of
 
@@ -290,7 +288,6 @@ def _faults_of_stations(stations: tuple[str, ...]) -> Iterator[str]:
 
 
 def _heading(degrees: float) -> float:
-    """Check a true heading, degrees."""
     if not 0 <= degrees <= 360:
         raise ValueError(
             f"{degrees:g} is no true heading; give degrees from 0 to 360, clockwise from north"

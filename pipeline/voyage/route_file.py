@@ -140,7 +140,6 @@ def _first(found: list[GivenRoute]) -> tuple[GivenRoute, str]:
 
 
 def _line(name: object, form: str, lonlat: Iterable[Any]) -> GivenRoute:
-    """Return a line as it is."""
     points = (RoutePoint(float(one[0]), float(one[1])) for one in lonlat)
     return GivenRoute(str(name or ""), form, tuple(points))
 

@@ -179,7 +179,6 @@ def each(reader: Callable[[Any], _Value]) -> Callable[[Any], tuple[_Value, ...]]
 
 
 def _faults_of(error: ValueError | RequestError) -> tuple[str, ...]:
-    """Return the faults that a reader found."""
     return error.faults if isinstance(error, RequestError) else tuple(map(str, error.args))
 
 

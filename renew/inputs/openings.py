@@ -450,7 +450,6 @@ class TidalDepth:
 
     @cached_property
     def _tree(self) -> shapely.STRtree:
-        """The areas, by place."""
         return shapely.STRtree(list(self.areas))
 
 

@@ -156,7 +156,6 @@ class PlanOptions:
         return max(least, kept * turning_radius if self.is_adaptive else 0.0)
 
     def _faults(self) -> list[str]:
-        """Faults of the options."""
         faults = [
             fault
             for name in ("classes", "samples", "seed")

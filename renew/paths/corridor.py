@@ -89,9 +89,7 @@ class Corridor:
             yield (self.part(at, part) if len(self.voyage.via) else self), piece
 
     def chained(
-        self,
-        plan: "Callable[[Corridor, FloatArray], FloatArray]",
-        pieces: Sequence[FloatArray],
+        self, plan: "Callable[[Corridor, FloatArray], FloatArray]", pieces: Sequence[FloatArray]
     ) -> FloatArray:
         """Plan a path (n, 2) part by part from pieces; each part begins at the end of the last."""
         if not len(self.voyage.via):

@@ -470,9 +470,7 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
         remedy = Text.joined("; ", suggest_relaxations(planner, rejected))
     count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
     error = UnreachableError(
-        f"{count} rejected: {{0}}{more}. To find a route: {{1}}",
-        Text.joined("; ", reasons),
-        remedy,
+        f"{count} rejected: {{0}}{more}. To find a route: {{1}}", Text.joined("; ", reasons), remedy
     )
     error.causes = tuple(one.cause for one in rejected if one.cause is not None)
     straits = tuple(one.strait for one in rejected if one.strait is not None)
@@ -482,7 +480,6 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
 
 
 def _class_name(one: Rejected | Route) -> Text:
-    """Return the name of a class for a sentence."""
     return Text("{0}", (ClassName(shortened(one.homotopy)),))
 
 

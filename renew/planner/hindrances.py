@@ -81,11 +81,7 @@ def with_clearance(
 
 
 def _middles_of_narrows(
-    clearance: float,
-    least: float,
-    channel: Channel,
-    voyage: Voyage,
-    triangulation: Triangulation,
+    clearance: float, least: float, channel: Channel, voyage: Voyage, triangulation: Triangulation
 ) -> FloatArray:
     """Return the middles (n, 2) of the sections and ends of a voyage with less room than clearance.
 
@@ -102,11 +98,7 @@ def _middles_of_narrows(
 
 
 def _narrow_sections(
-    clearance: float,
-    channel: Channel,
-    voyage: Voyage,
-    triangulation: Triangulation,
-    spacing: float,
+    clearance: float, channel: Channel, voyage: Voyage, triangulation: Triangulation, spacing: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return each narrow section's point furthest from land (n, 2), and how far off it is (n,), m.
 

@@ -18,16 +18,7 @@ from renew.inputs.options import PlanOptions
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import check_straits, refined_path
 from renew.paths.speed_profile import SpeedProfile, speed_profile
-from renew.planner.grow import (
-    PaddingGrowth,
-    Shortfalls,
-    attempts,
-    grown,
-    near_rough,
-    path_from,
-    steered_as_it_is,
-    steered_with_room,
-)
+from renew.planner import grow
 from renew.planner.hindrances import hours_along, hours_of, with_clearance
 from renew.planner.narrow_water import Tight, shortfalls, steered_tightly, with_room
 from renew.planner.problem import Problem
@@ -90,7 +81,9 @@ class ClassPlanner:
             voyage.vessel,
             replace(problem.options, risk=risk),
         )
-        self.growth = PaddingGrowth(problem, self._model, are_fitted=narrow or problem.falls_short)
+        self.growth = grow.PaddingGrowth(
+            problem, self._model, are_fitted=narrow or problem.falls_short
+        )
 
     @property
     def options(self) -> PlanOptions:
@@ -221,7 +214,7 @@ class ClassPlanner:
             return replace(edges, padding=np.zeros(len(edges.edge)))
 
         try:
-            _, path = path_from(self._corridor(channel, bare), near_rough, self.growth)
+            _, path = grow.path_from(self._corridor(channel, bare), grow.near_rough, self.growth)
         except InfeasibleError:
             return math.inf
         voyage = self.problem.voyage
@@ -290,7 +283,7 @@ class ClassPlanner:
         first: InfeasibleError | None = None
         best: ClassPath | None = None
         slipped: list[tuple[Corridor, FloatArray]] = []
-        for attempt in attempts(corridor, near, self.growth):
+        for attempt in grow.attempts(corridor, near, self.growth):
             try:
                 used, path = attempt()
                 found = self._steered_in_class(corridor, used, path)
@@ -343,7 +336,7 @@ class ClassPlanner:
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> ClassPath:
         """Steer a path (n, 2) found in the corridor, or in `used` with more padding."""
         makes_room = self.is_thorough and used.polar.crab == corridor.polar.crab
-        steered = steered_with_room if makes_room else steered_as_it_is
+        steered = grow.steered_with_room if makes_room else grow.steered_as_it_is
         tight: tuple[Tight, ...] = ()
         try:
             used, path, trajectory = steered(used, path)
@@ -411,7 +404,7 @@ class ClassPlanner:
 
 def grown_until_clear(
     found: ClassPath,
-    shortfall: Callable[[ClassPath], Shortfalls | None],
+    shortfall: Callable[[ClassPath], grow.Shortfalls | None],
     plan_again: Callable[[Corridor, ClassPath], ClassPath],
     most: int,
     turns: str = "hard-over turns",
@@ -429,7 +422,7 @@ def grown_until_clear(
         if rounds_left:
             tell(Step("padding"))
             try:
-                found = plan_again(grown(found.corridor, short), found)
+                found = plan_again(grow.grown(found.corridor, short), found)
             except InfeasibleError:
                 if not is_enough:
                     raise
@@ -448,7 +441,7 @@ def fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
     """
     corridor = unpadded.corridor(channel)
     try:
-        path = refined_path(corridor, near_rough(corridor))
+        path = refined_path(corridor, grow.near_rough(corridor))
     except InfeasibleError:
         return -math.inf
     voyage = unpadded.problem.voyage

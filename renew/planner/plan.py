@@ -39,12 +39,7 @@ from renew.inputs.openings import Opening, OverLimit, polygons_of
 from renew.planner.classes import no_class_error, plan_classes
 from renew.planner.clock_way import TimedWay, clock_way
 from renew.planner.one_class import ClassPlanner
-from renew.planner.problem import (
-    Problem,
-    check_current_at_endpoints,
-    check_endpoints,
-    check_pace,
-)
+from renew.planner.problem import Problem, check_current_at_endpoints, check_endpoints, check_pace
 from renew.planner.sampled_paths import chosen_class
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
@@ -373,8 +368,7 @@ def without_meeting(
 
 
 def plan_around(
-    areas: Sequence[Opening],
-    plan: Callable[[Sequence[Opening]], tuple[Plan, ClassPlanner]],
+    areas: Sequence[Opening], plan: Callable[[Sequence[Opening]], tuple[Plan, ClassPlanner]]
 ) -> Plan:
     """Return the best plan whose routes keep out of areas while the areas are shut.
 

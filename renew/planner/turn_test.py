@@ -145,11 +145,7 @@ class LazyLegs:
         return np.where(self._is_flown.all(axis=0), self.time, np.inf)
 
     def drop_shut(
-        self,
-        whole: FloatArray,
-        best: float,
-        ahead: tuple[float, float],
-        latest: float = math.inf,
+        self, whole: FloatArray, best: float, ahead: tuple[float, float], latest: float = math.inf
     ) -> bool:
         """Fly turns on some legs, and drop those that are not free; whether any were flown.
 

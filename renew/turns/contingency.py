@@ -28,13 +28,7 @@ from renew.inputs.current import (
 from renew.inputs.options import Drift, check_seed, check_turns
 from renew.kernels.turn_tracks import TurnsBegun, flown_by_table
 from renew.results import Route
-from renew.turns.turn_reach import (
-    MAX_DEVIATIONS,
-    TurnReach,
-    TurnSampler,
-    TurnsAtEdges,
-    normals_away,
-)
+from renew.turns import turn_reach
 from renew.voyage.fuel import as_path, ground_speed, reading_times, speeds_along, speeds_by_leg
 from renew.voyage.voyage import early_and_late
 
@@ -152,7 +146,7 @@ def contingency(
     near = np.zeros(len(points), dtype=bool)
     if chart.no_go:
         tree = shapely.STRtree(chart.no_go)
-        reach = TurnReach.of(field.table(chart.bounds), vessel)
+        reach = turn_reach.TurnReach.of(field.table(chart.bounds), vessel)
         found = tree.query(shapely.points(points), predicate="dwithin", distance=reach(points))
         near[np.unique(found[0])] = True
     hits = np.zeros(len(points), dtype=np.int64)
@@ -173,7 +167,7 @@ def contingency(
 def _drawn_deviations(count: int, seed: int) -> FloatArray:
     """Return deviations (count, 1 + draws, 2) of speed and direction: none, then drawn ones."""
     deviations = np.random.default_rng(seed).standard_normal((count, 1 + _DRAWS, 2))
-    deviations = np.clip(deviations, -MAX_DEVIATIONS, MAX_DEVIATIONS)
+    deviations = np.clip(deviations, -turn_reach.MAX_DEVIATIONS, turn_reach.MAX_DEVIATIONS)
     deviations[:, 0] = 0.0
     return deviations
 
@@ -391,11 +385,11 @@ def tightest(
     angle = course + 2 * np.pi * np.arange(3) / 3
     around = point + 2 * vessel.turning_radius * np.column_stack([np.cos(angle), np.sin(angle)])
     when = np.interp(along, np.concatenate([[0.0], passed]), route.times)
-    asked = TurnsAtEdges(
+    asked = turn_reach.TurnsAtEdges(
         field.statistics(around[None], np.array([[when, when + vessel.turn_period]])),
         np.array([course]),
         np.zeros(1, dtype=np.int64),
-        normals_away(edges[[nearest]], point[None]),
+        turn_reach.normals_away(edges[[nearest]], point[None]),
         replace(vessel, speed=float(route.speeds[leg])),
     )
     return Tightest(
@@ -405,5 +399,5 @@ def tightest(
         padding=float(padding[nearest]),
         turns=float(route.turn_padding[nearest]),
         gap=float(gaps[nearest]),
-        reaches=TurnSampler(seed, _DRAWS_OF_REACH).reaches(asked)[0],
+        reaches=turn_reach.TurnSampler(seed, _DRAWS_OF_REACH).reaches(asked)[0],
     )

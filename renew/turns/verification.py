@@ -22,14 +22,7 @@ from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentField, CurrentStatistics, TabulatedCurrent
-from renew.kernels.capsules import (
-    distances_within,
-    nearest_on_segments,
-    segment_distance,
-    segments_near,
-    track_distances,
-    tracks_touch,
-)
+from renew.kernels import capsules
 from renew.kernels.turn_tracks import TurnsBegun
 from renew.turns.contingency import fly_turns, perturbations, stations
 from renew.turns.padding_model import PaddedEdges
@@ -239,7 +232,7 @@ class _Near(NamedTuple):
         # Only turns within reach of land can touch it: most of a long way needs no simulation.
         furthest = reach(points)
         most = max(one.margin for one in flown)
-        first, near = segments_near(points, furthest + most, padded.start, padded.end)
+        first, near = capsules.segments_near(points, furthest + most, padded.start, padded.end)
         close = np.flatnonzero(np.diff(first))
         close = close[~in_soft_endpoints(points[close], voyage, padded)]
         speed = speeds_along(points, path, speeds)
@@ -263,7 +256,7 @@ class _Near(NamedTuple):
         beside = _BESIDE * self.vessel.turning_radius
         # Far off padding, only turns that may touch land tell anything.
         row = np.repeat(np.arange(len(self.points)), np.diff(self.first))
-        apart = segment_distance(self.points[row], start[self.near], end[self.near])
+        apart = capsules.segment_distance(self.points[row], start[self.near], end[self.near])
         is_beside = np.zeros(len(self.points), dtype=bool)
         is_beside[row[apart <= padding[self.near] + beside]] = True
         is_beside[self._that_may_touch(flown, self.close[~is_beside[self.close]])] = True
@@ -272,8 +265,8 @@ class _Near(NamedTuple):
             return close, np.zeros(0), np.zeros(0)
         turns, bounds, near = self._turns(close, field, times, AROUND)
         most = _ENOUGH * self.vessel.turning_radius
-        room = track_distances(turns, bounds, near, start, end, most)
-        between = track_distances(_between(turns), bounds, near, start, end, most)
+        room = capsules.track_distances(turns, bounds, near, start, end, most)
+        between = capsules.track_distances(_between(turns), bounds, near, start, end, most)
         room = np.minimum(room, between)
         row = np.repeat(np.arange(len(close)), np.diff(bounds))
         if len(crossing := np.unique(row[room < 0])):
@@ -283,7 +276,7 @@ class _Near(NamedTuple):
             deep[crossing] = depths.reshape(len(crossing), -1).max(axis=1)
             room = np.where(room < 0, -deep[row], room)
         room -= margin
-        apart = segment_distance(self.points[close][row], start[near], end[near])
+        apart = capsules.segment_distance(self.points[close][row], start[near], end[near])
         is_met = (apart <= padding[near] + beside) | (room < 0)
         return near[is_met], (apart - room)[is_met], room[is_met]
 
@@ -297,7 +290,7 @@ class _Near(NamedTuple):
             turns, first, near = self._turns(self.close, field, times, AROUND)
             for lines in (turns, _between(turns)):
                 radius = np.full(len(lines), margin)
-                track, _ = tracks_touch(lines, first, near, start, end, radius)
+                track, _ = capsules.tracks_touch(lines, first, near, start, end, radius)
                 found.append(self.close[np.unique(track // lines.shape[1])])
         return np.unique(np.concatenate(found))
 
@@ -311,7 +304,7 @@ class _Near(NamedTuple):
         off = _max_offset(self.points[chosen], field, self.vessel, drift, times[chosen])
         turns, bounds, near = self._turns(chosen, field, times, _CORNERS[:, :1])
         edges = self.padded.start, self.padded.end
-        track, _ = tracks_touch(turns, bounds, near, *edges, margin + off)
+        track, _ = capsules.tracks_touch(turns, bounds, near, *edges, margin + off)
         return np.asarray(chosen[np.unique(track // turns.shape[1])])
 
     def touched(
@@ -328,7 +321,7 @@ class _Near(NamedTuple):
         turns, bounds, near = self._turns(close, field, times, deviations)
         edges, lacking = list[IntArray](), list[FloatArray]()
         for lines in (turns, _between(turns)) if is_fitted else (turns,):
-            line, edge = tracks_touch(lines, bounds, near, start, end, radius)
+            line, edge = capsules.tracks_touch(lines, bounds, near, start, end, radius)
             hit, back = np.unique(line, return_inverse=True)
             tracks = lines.reshape(-1, *lines.shape[2:])[hit]
             depths = _depths(tracks, chart, self.furthest.max())[back]
@@ -411,7 +404,7 @@ def _depths(tracks: FloatArray, chart: Chart, most: float) -> FloatArray:
     points = tracks.reshape(-1, 2)
     inside = shapely.contains_xy(chart.hard_no_go, points)
     depth = np.zeros(len(points))
-    depth[inside] = np.minimum(distances_within(points[inside], most, *chart.shore), most)
+    depth[inside] = np.minimum(capsules.distances_within(points[inside], most, *chart.shore), most)
     return np.asarray(depth.reshape(tracks.shape[:2]).max(axis=1))
 
 
@@ -421,7 +414,7 @@ def in_soft_endpoints(points: FloatArray, voyage: Voyage, padded: PaddedEdges) -
     for endpoint in (voyage.start, voyage.goal):
         around = padded.around(endpoint)
         if len(around.edge):
-            apart = segment_distance(points[:, None], around.start, around.end)
+            apart = capsules.segment_distance(points[:, None], around.start, around.end)
             inside |= (apart < around.padding).any(axis=1)
     return inside
 
@@ -465,7 +458,7 @@ def risky_edges(
     )
     order = np.argsort(row, kind="stable")
     row, edge = row[order], edge[order]
-    nearest = nearest_on_segments(route.points[row], padded.start[edge], padded.end[edge])
+    nearest = capsules.nearest_on_segments(route.points[row], padded.start[edge], padded.end[edge])
     towards = nearest - route.points[row]
     gap = np.linalg.norm(towards, axis=1)
     towards /= np.maximum(gap, 1e-300)[:, None]

@@ -214,11 +214,7 @@ _LATE = 0.25
 
 
 def _led_in(
-    route: Route,
-    planner: ClassPlanner,
-    heading: float | None,
-    *,
-    is_proven: bool,
+    route: Route, planner: ClassPlanner, heading: float | None, *, is_proven: bool
 ) -> Route:
     """Return a route begun on the heading (rad) that the vessel has, if one is given.
 

@@ -375,7 +375,6 @@ class Survey:
     def _planned(
         self, haven: Haven, time: float, near: Diversion | None, *, is_start: bool
     ) -> Diversion:
-        """Plan a way to a haven."""
         off, (x, y, heading) = self.off(time), self.row(time)
         place = np.array([x, y])
         early = max(time - off, self.begin)
@@ -568,7 +567,6 @@ class Survey:
             yield from self._settled(first, middle)
 
     def _stretch(self, first: int, last: int, state: State) -> Stretch:
-        """Return a stretch between two samples."""
         least = float(self.least[:, first : last + 1].min()) - self.step
         return Stretch(
             float(self.times[first]), float(self.times[last]), state, least=max(least, 0.0)

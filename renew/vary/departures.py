@@ -362,7 +362,6 @@ class DepartureWindow:
         return self._first + steps * self._spacing
 
     def _plan(self, departure: float) -> None:
-        """Plan a further departure."""
         self._insert(self.sailings, sailing_at(self._request, departure))
         if self._progress is not None:
             self._progress(len(self.sailings), self.unproven)

@@ -158,7 +158,6 @@ def _all_times(fields: Sequence[CurrentField]) -> FloatArray:
 
 
 def _weight_faults(weights: FloatArray, names: Sequence[str]) -> list[str]:
-    """Faults of the weights of members."""
     if weights.shape != (len(names),):
         return [f"weights has shape {weights.shape}; there must be {len(names)}, one a member"]
     bad = [
@@ -257,13 +256,7 @@ def worst_weights(fuels: FloatArray, weights: FloatArray, tail: float = TAIL) ->
 
 
 def surely_dearer(
-    name: Statistic,
-    fuels: FloatArray,
-    weights: FloatArray,
-    best: int,
-    *,
-    sure: float,
-    seed: int,
+    name: Statistic, fuels: FloatArray, weights: FloatArray, best: int, *, sure: float, seed: int
 ) -> BoolArray:
     """Whether each class (k,) is dearer than the `best` one by more than chance.
 

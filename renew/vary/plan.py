@@ -11,13 +11,7 @@ from renew.errors import ParameterError, is_finite, shown
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentLike
 from renew.inputs.openings import ShutArea, TidalDepth
-from renew.inputs.options import (
-    Changes,
-    PlanOptions,
-    ViaPoints,
-    as_departures,
-    is_one_of,
-)
+from renew.inputs.options import Changes, PlanOptions, ViaPoints, as_departures, is_one_of
 from renew.planner.plan import finished, or_with_shortfall, plan_request
 from renew.planner.problem import check_departures
 from renew.request import Place, Request, Speeds, options_by_name
@@ -245,7 +239,6 @@ def plan_departures(
 
 
 def _sweep_faults(method: object, speed: object, arrive_by: object, to_within: object) -> list[str]:
-    """Faults of a sweep of departures."""
     faults = []
     if to_within is not None and not (is_finite(to_within) and to_within > 0):
         faults.append(f"to_within = {shown(to_within)} s must be finite and above 0")

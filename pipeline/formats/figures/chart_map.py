@@ -396,7 +396,6 @@ def _draw_titles(
     foot_pt: tuple[float, float],
     sizes_pt: tuple[float, float],
 ) -> None:
-    """Write a map's two titles above its upper edge."""
     width, height = figure.get_size_inches() * POINTS_PER_INCH
     middle, bottom = foot_pt
     for text, up_pt, size_pt, (_, bold) in zip(titles, (20.0, 6.0), sizes_pt, _TITLES, strict=True):

@@ -183,10 +183,7 @@ def case_svg(case: RunCase, *, identity: str, label: str) -> Markup:
 def overview_figure(cases: Sequence[RunCase]) -> Figure:
     """Draw cases of a run, at least one, side by side, each under its title."""
     figure, maps = map_figure(
-        cases[0].run,
-        _handles(cases),
-        titles=[_titles(case) for case in cases],
-        columns=len(cases),
+        cases[0].run, _handles(cases), titles=[_titles(case) for case in cases], columns=len(cases)
     )
     for case, (axes, sea) in zip(cases, maps, strict=True):
         draw_case(axes, sea, case)

@@ -30,18 +30,7 @@ from pipeline.findings.note_words import caveats_json
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import write_json
 from pipeline.formats.appearance import COLOURS
-from pipeline.formats.gis.layers import (
-    FRAMES,
-    LAYERS,
-    GeoDataFrame,
-    check_count,
-    dated,
-    opened,
-    passage,
-    system_errors,
-    waypoint_frame,
-    write_layer,
-)
+from pipeline.formats.gis import layers
 from pipeline.formats.gis.styles import (
     LONLAT,
     STYLES,
@@ -101,7 +90,7 @@ def qgz(result: RunResult, view: View, tables: Mapping[str, Any], file_name: str
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
         result=result,
         credits=inert("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
-        times=[time for one in result.routes for time in passage(one)],
+        times=[time for one in result.routes for time in layers.passage(one)],
         licences=dict.fromkeys(credit.licence for credit in result.credits if credit.licence),
     )
     stamp = result.created.timetuple()[:6]
@@ -130,10 +119,10 @@ def _project_layers(
     for name in [name for name in STYLES if name in tables]:
         shared = {
             "name": name,
-            "layer": LAYERS[name],
+            "layer": layers.LAYERS[name],
             # QGIS wants identifiers of more than ten characters.
             "identity": f"{name}_all_seasons",
-            "geometry": _GEOMETRIES[LAYERS[name]["geometry_type"]],
+            "geometry": _GEOMETRIES[layers.LAYERS[name]["geometry_type"]],
             "source": f"./{file_name}|layername={name}",
         }
         if name not in _CASE_LAYERS:
@@ -168,17 +157,17 @@ _METADATA_STANDARD = "https://www.rfc-editor.org/rfc/rfc8259"
 def write_geopackage(result: RunResult, path: Path) -> None:
     """Write the layers of a run that have features to a new file at `path`; routes always."""
     tables = {}
-    with system_errors(path), dated(result.created):
-        for name, about in LAYERS.items():
-            frame = FRAMES[name](result)
+    with layers.system_errors(path), layers.dated(result.created):
+        for name, about in layers.LAYERS.items():
+            frame = layers.FRAMES[name](result)
             if frame.empty and name != "routes":
                 continue
             tables[name] = frame.drop(columns="geometry")
-            write_layer(path, frame, name, about)
-        with opened(path) as database:
+            layers.write_layer(path, frame, name, about)
+        with layers.opened(path) as database:
             _add_records(database, result, tables, path.name)
             for name, table in tables.items():
-                check_count(database, name, len(table))
+                layers.check_count(database, name, len(table))
 
 
 def _add_records(
@@ -217,7 +206,7 @@ def _add_records(
         " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
         " VALUES ('', '', ?, 'geom', 'RENEW', ?, '', 1, ?, 'RENEW')",
         [
-            (name, qml(name, map_view, of_layer), LAYERS[name]["title"])
+            (name, qml(name, map_view, of_layer), layers.LAYERS[name]["title"])
             for name, of_layer in columns.items()
         ],
     )
@@ -251,13 +240,13 @@ def write_geojson(case: RunCase, path: Path) -> None:
     in degrees, lie within a metre of the planned line. Lines are cut at 180 degrees. The property
     `feature` of each feature is "route" or "waypoint".
     """
-    routes = FRAMES["routes"](case.run)
+    routes = layers.FRAMES["routes"](case.run)
     routes = routes[routes.season == case.name]
     # A line across 180 degrees is drawn in parts.
     parts = (split_at_antimeridian(shapely.get_coordinates(line)) for line in routes.geometry)
     lines = [shapely.LineString(p[0]) if len(p) == 1 else shapely.MultiLineString(p) for p in parts]
     found = case_waypoints(case)
-    waypoints = waypoint_frame(found)
+    waypoints = layers.waypoint_frame(found)
     waypoints["geometry_type"] = [points.curve for points in found for _ in points.lonlat]
     places = within_180(np.concatenate([points.lonlat for points in found]))
     collection = {
@@ -274,7 +263,7 @@ def write_geojson(case: RunCase, path: Path) -> None:
     write_json(path, collection, indent=None)
 
 
-def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:
+def _features(kind: str, frame: layers.GeoDataFrame) -> list[dict[str, Any]]:
     """Return features of a kind, their coordinates rounded."""
     shapes = shapely.transform(frame.geometry.array, lambda points: np.round(points, _DECIMALS))
     frame = frame.set_geometry(shapes).assign(feature=kind)

@@ -184,7 +184,6 @@ def literal(text: str) -> str:
 
 @cache
 def _environment() -> Environment:
-    """Load the templates."""
     loaded = xml_environment("pipeline.formats.gis")
     loaded.filters.update(
         inert=inert,

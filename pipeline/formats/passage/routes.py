@@ -128,7 +128,6 @@ def _opencpn(name: str, text: str | None = None, **values: str) -> Any:  # noqa:
 
 
 def _knots(speed_m_s: float) -> str:
-    """Write a speed in knots."""
     return f"{speed_m_s * KNOTS_PER_M_S:.4f}"
 
 

@@ -503,10 +503,7 @@ def haven_lines(case: RunCase, line: Callable[[FloatArray], list[int]]) -> dict[
         ],
         "ways": [line(np.asarray(one.route.path)) for one in coverage.diversions],
         "stretches": [
-            {
-                "state": row.kind,
-                "places": line(np.asarray(stretch_line(case, row).coords)),
-            }
+            {"state": row.kind, "places": line(np.asarray(stretch_line(case, row).coords))}
             for row in haven_rows(case)
             if row.kind not in LAST_TURNS
         ],

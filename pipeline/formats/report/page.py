@@ -23,7 +23,7 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import DEAR, MAX_STRAITS, RankedRoute, RunCase, RunResult, addressed
 from pipeline.findings.sentences import case_facts
 from pipeline.findings.text import environment
-from pipeline.formats import appearance
+from pipeline.formats import appearance, tables
 from pipeline.formats.figures.chart_map import page_svg
 from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limits
 from pipeline.formats.figures.plots import (
@@ -33,31 +33,11 @@ from pipeline.formats.figures.plots import (
     trade_off_figure,
 )
 from pipeline.formats.figures.season_map import case_svg
+from pipeline.formats.passage import waypoints
 from pipeline.formats.passage.missions import MAX_VERTICES, fence_of
-from pipeline.formats.passage.waypoints import (
-    KNOTS_PER_M_S,
-    NAUTICAL_MILE_M,
-    Waypoints,
-    case_waypoints,
-    time_after,
-    vessel_name,
-)
+from pipeline.formats.passage.waypoints import KNOTS_PER_M_S, NAUTICAL_MILE_M
 from pipeline.formats.records import versions
-from pipeline.formats.report.map_data import (
-    coarser,
-    map_data,
-    numbered_sides,
-    place_on_map,
-)
-from pipeline.formats.tables import (
-    has_speeds,
-    haven_facts,
-    haven_texts,
-    leg_headings,
-    rows,
-    tightest_place,
-    tightest_text,
-)
+from pipeline.formats.report.map_data import coarser, map_data, numbered_sides, place_on_map
 from pipeline.geo.coast import within
 from pipeline.geo.projection import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics
@@ -65,10 +45,7 @@ from renew import Rejected
 
 Notice = tuple[str, tuple[tuple[str, str], ...]]
 """A notice beside the answer: a title, and items, each with the title of a case and a text."""
-_FILTERS = (
-    *("number", "fuel", "hours", "days", "percent", "share", "plain"),
-    "capitalised",
-)
+_FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "capitalised")
 
 
 def write_report(result: RunResult, path: Path) -> None:
@@ -268,7 +245,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
     said = case_facts(case)
     rival = said.rival if said else None
     found = choices.trade_off(case)
-    tightest = tightest_place(ranked[0]) if ranked else None
+    tightest = tables.tightest_place(ranked[0]) if ranked else None
     return {
         "title": title,
         "anchor": anchor,
@@ -291,7 +268,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
             "label": label,
         },
         "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
-        "tightest": tightest and tightest_text(case.case, tightest),
+        "tightest": tightest and tables.tightest_text(case.case, tightest),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
         "plan": plan_section(case),
@@ -475,7 +452,7 @@ def haven_section(case: RunCase) -> dict[str, Any] | None:
     if case.coverage is None:
         return None
     return {
-        "sentences": [one for one in haven_facts(case) if one],
+        "sentences": [one for one in tables.haven_facts(case) if one],
         "rows": [_haven_row(case, row) for row in haven_rows(case)],
     }
 
@@ -485,7 +462,7 @@ def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
     way, water = row.way, case.run.water
     place = None if way is None else water.projection.to_plane(way.place)
     return {
-        **haven_texts(row, case),
+        **tables.haven_texts(row, case),
         "way": way,
         "place": "" if place is None else place_on_map(water, place),
     }
@@ -495,8 +472,8 @@ def plan_section(case: RunCase) -> dict[str, Any] | None:
     """Return sentences and table of a case's passage plan; None without a route, and in a plane."""
     if not case.routes or case.run.scenario.is_planar:
         return None
-    points = case_waypoints(case)[0]
-    headings = {name: words for name, words in leg_headings(points).items() if words}
+    points = waypoints.case_waypoints(case)[0]
+    headings = {name: words for name, words in tables.leg_headings(points).items() if words}
     return {
         "sentences": [
             _vessel_text(points),
@@ -509,18 +486,19 @@ def plan_section(case: RunCase) -> dict[str, Any] | None:
         ],
         "headings": list(headings.values()),
         "rows": [
-            [row.get(name, "") for name in headings] for row in rows(points, case.spec.departure)
+            [row.get(name, "") for name in headings]
+            for row in tables.rows(points, case.spec.departure)
         ],
     }
 
 
-def _vessel_text(points: Waypoints) -> str:
+def _vessel_text(points: waypoints.Waypoints) -> str:
     """Say which vessel sails, its speed through the water, how it turns, and the way's length."""
     vessel = points.ranked.case.scenario.vessel
-    name = vessel_name(points.ranked.case.scenario)
+    name = waypoints.vessel_name(points.ranked.case.scenario)
     speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"
-    if has_speeds(points):
+    if tables.has_speeds(points):
         through = f"{' to '.join(text.speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
     return (
         f"Vessel: {', '.join(filter(None, (name, f'{vessel.length_m:g} m long')))}; {through} "
@@ -530,15 +508,15 @@ def _vessel_text(points: Waypoints) -> str:
     )
 
 
-def _times_text(points: Waypoints) -> str:
+def _times_text(points: waypoints.Waypoints) -> str:
     """Say when the vessel leaves and arrives, and how long the planned path takes."""
     planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
     case = points.ranked.case
     spec = case.spec
     texts = ["Times are since departure: none was given."]
     if spec.departure is not None:
-        arrival = time_after(spec.departure, sailed_s)
-        leaves = text.moment_text(time_after(spec.departure, 0))
+        arrival = waypoints.time_after(spec.departure, sailed_s)
+        leaves = text.moment_text(waypoints.time_after(spec.departure, 0))
         texts = [f"Departure {leaves}, arrival {text.moment_text(arrival)}."]
         choice = case.departure_choice
         by = spec.arrive_by if choice is None else choice.arrive_by

@@ -537,7 +537,6 @@ class FieldReader:
         return table, table if is_one else second.table(self._window.lon, self._window.lat)
 
     def _table_of(self, component: Component) -> Window | Table:
-        """Return the table of a component's points."""
         return self._tables[component.grid is not self._grids[0]]
 
     def _source_values(self, component: Component, steps: Sequence[int]) -> FloatArray:
@@ -597,7 +596,6 @@ class FieldReader:
         return zero & is_meant
 
     def _dataset(self, component: Component) -> Dataset:
-        """Return an open file."""
         file = component.file
         if file not in self._open:
             self._close_all_but(_MAX_OPEN - 1)

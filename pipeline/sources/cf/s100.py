@@ -135,7 +135,6 @@ def joined(tiles: Sequence[Dataset]) -> Dataset:
 
 
 def _text(value: Any) -> str:  # noqa: ANN401 - bytes or str, as h5py gives either
-    """Return a text of a file."""
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 

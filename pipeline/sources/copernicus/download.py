@@ -235,7 +235,6 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
 
 
 def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:
-    """Call the client once."""
     try:
         answer: dict[str, Any] | None = call_in_process(
             answer_request, dict(request), limit_s=deadline_s

@@ -379,7 +379,6 @@ def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[Cell, .
 
 
 def _depth_areas(part: Cell) -> Iterator[DepthArea]:
-    """Yield a part's depth areas and dredged areas."""
     for name in filter(part.objects.__contains__, _DEPTH_CLASSES):
         objects, kind = part.objects[name], _DEPTH_CLASSES[name]
         limits = objects.numbers("DRVAL1"), objects.numbers("DRVAL2")

@@ -452,5 +452,4 @@ def _lonlat(path: Path, points: Sequence[shapely.Geometry | None], crs: str | No
 
 
 def _fault(path: Path, fault: str) -> RequestError:
-    """Return an error about the file."""
     return RequestError(f"havens.path: {path} {fault}")
