@@ -33,6 +33,7 @@ from pipeline.sources.tide_stations import (
     tide_zones,
 )
 from renew.errors import Strait
+from renew.inputs.chart_and_vessel import edges_of
 
 # Distances beyond the nearest shore, true metres: the first whose position is still in water after
 # rounding is suggested.
@@ -151,11 +152,29 @@ def is_shut_in(case: model.Case, straits: Sequence[Strait], width: float) -> boo
     ]
     parts = shapely.get_parts(shapely.difference(chart.water, shapely.union_all(shut)))
     open_parts = [part for part in parts if _reaches_edge(part, chart)]
-    # A stop may lie in the padding.
-    reached = shapely.dwithin(
-        np.array(open_parts, dtype=object)[:, None], shapely.points(case.stops), 2 * width
+    return not all(
+        shapely.intersects(
+            np.array(open_parts, dtype=object)[:, None], _legs_out(stop, chart, width)
+        ).any()
+        for stop in shapely.points(case.stops)
     )
-    return not reached.any(axis=0).all()
+
+
+def _legs_out(stop: shapely.Point, chart: renew.Chart, width: float) -> Geometries:
+    """Return straight legs (n,) from a stop, as far as they cross no padding but what holds it.
+
+    They are at most twice the width of padding, m, long.
+    """
+    edges = shapely.linestrings(edges_of(chart.no_go))
+    apart = shapely.distance(edges, stop)
+    others = edges[(apart > width) & (apart < 3 * width)]
+    zone = shapely.union_all(
+        [*shapely.buffer(others, width, quad_segs=_QUADRANT_SEGMENTS), *chart.no_go]
+    )
+    ends = shapely.get_coordinates(stop.buffer(2 * width))
+    rays = shapely.linestrings(np.stack([np.broadcast_to(stop.coords, ends.shape), ends], axis=1))
+    legs = shapely.get_parts(shapely.difference(rays, zone))
+    return np.asarray(legs[shapely.dwithin(legs, stop, chart.precision)])
 
 
 def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:

@@ -154,6 +154,8 @@ def reason_text(error: renew.PlanningError, case: model.Case, *, refuses: bool =
     remedy = "no other padding or risk leaves one"
     if would:
         typed = " (--padding, --clearance)" * would.startswith("padding = ")
+        if would.startswith("clearance = "):
+            typed = f" (--clearance {float(would.split()[2]) * case.projection.scale:g}m)"
         remedy = f"in a scenario, {would} under [planner]{typed} would leave one"
     if refuses:
         remedy += '; shortfall = "least" (--shortfall least) keeps as much as there is room for'

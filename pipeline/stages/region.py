@@ -22,6 +22,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.scenario.season import Season, source_name
 from pipeline.scenario.strict import Point
+from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.land.shapes import box_around
@@ -52,6 +53,11 @@ def least_region(*stops: Point) -> shapely.Polygon:
     return shapely.LineString(stops).buffer(_AROUND_DEG)
 
 
+def _known_region(scenario: Scenario) -> shapely.Polygon:
+    """Return a scenario's region or, where that is open, the least one."""
+    return scenario.region.shape if scenario.region else least_region(*scenario.stops.values())
+
+
 def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
     """Yield a message for each reason why no region or source covers some cases and stops.
 
@@ -60,8 +66,7 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
     """
     if scenario.is_planar:
         return
-    stops = scenario.stops.values()
-    region = least_region(*stops) if scenario.region is None else scenario.region.shape
+    stops, region = scenario.stops.values(), _known_region(scenario)
     for name, (lon, lat) in scenario.stops.items() if scenario.region is None else ():
         if abs(lat) > MAX_LATITUDE:
             yield (
@@ -86,8 +91,8 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
 
 
 def require_covered(scenario: Scenario) -> None:
-    """Raise RequestError if no source covers a case, with a line for each reason."""
-    refuse_any(list(uncovered_seasons(scenario)))
+    """Raise RequestError if no source covers a case, or an area that is always shut has a stop."""
+    refuse_any([*uncovered_seasons(scenario), *_in_shut_areas(scenario)])
 
 
 def require_sailable(scenario: Scenario) -> None:
@@ -104,27 +109,33 @@ def require_whole_files(scenario: Scenario) -> None:
     """
     if scenario.is_planar:
         return
-    faults, is_open = Faults(), scenario.region is None
-    region = scenario.region.shape if scenario.region else least_region(*scenario.stops.values())
-    # A region that is chosen may have areas that these bounds lack.
-    zones, _ = faults.collect(
-        lambda: avoided_zones(scenario.avoid, region, may_be_far=is_open)
-    ) or ((), ())
-    for (at, area), zone in zip(enumerate(scenario.avoid), zones, strict=False):
-        for name, (lon, lat) in scenario.stops.items() if not area.has_hours else ():
-            if shapely.intersects_xy(zone.area, lon, lat):
-                faults.lines.append(
-                    f"{name} = {[lon, lat]} lies in area {zone.name!r} (avoid[{at}]), which is "
-                    "always shut; move it out of there, or give the area hours: 'from', 'until'"
-                )
+    faults = Faults()
+    faults.lines += faults.collect(lambda: _in_shut_areas(scenario)) or []
     if (havens := scenario.havens) is not None:
         faults.collect(lambda: read_havens(Path(havens.path)))
     tide = scenario.tide
     if tide or scenario.chart.depths or any(source.path for source in scenario.chart.source):
-        land = faults.collect(lambda: charted_land(scenario).land(region))
+        land = faults.collect(lambda: charted_land(scenario).land(_known_region(scenario)))
         if tide and land:
             faults.collect(lambda: check_datum(scenario.chart, land, stations_of(tide)))
     refuse_any(faults.lines)
+
+
+def _in_shut_areas(scenario: Scenario) -> list[str]:
+    """Return a message for each stop in an avoided area that is always shut.
+
+    Raises RequestError if a file of areas can't be read, or none of it is near a given region.
+    """
+    # A region that is chosen may have areas that these bounds lack.
+    is_open = scenario.region is None
+    zones, _ = avoided_zones(scenario.avoid, _known_region(scenario), may_be_far=is_open)
+    return [
+        f"{name} = {[lon, lat]} lies in area {zone.name!r} (avoid[{at}]), which is always shut; "
+        "move it out of there, or give the area hours: 'from', 'until'"
+        for (at, area), zone in zip(enumerate(scenario.avoid), zones, strict=True)
+        for name, (lon, lat) in scenario.stops.items()
+        if not area.has_hours and shapely.intersects_xy(zone.area, lon, lat)
+    ]
 
 
 def covered_by_currents(
@@ -250,8 +261,11 @@ def _land_near(source: LandSource, lon: float, lat: float) -> Geometries:
 
     The run itself checks with its whole region whether the chart covers it.
     """
+    box = box_around(shapely.Point(lon, lat), _LOOK_M)
     try:
-        found = source.land(box_around(shapely.Point(lon, lat), _LOOK_M)).polygons
+        # The world's land without its second shoreline, which takes as long to read.
+        is_world = source == Overlay((osm.OsmLand(),))
+        found = (osm.land_polygons(box) if is_world else source.land(box)).polygons
     except RequestError:
         found = ()
     return np.array(found, dtype=object)

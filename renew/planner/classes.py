@@ -510,6 +510,15 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
             return []
         return [Text(f"{what} would leave one, {{0}}", (_description(planner.route(search.best)),))]
 
+    def largest(key: str, **fixed: Any) -> list[Text]:  # noqa: ANN401 - as of PlanOptions
+        """Say up to which value of an option, beside fixed others, there is a route."""
+        value = _largest(lambda tried: route_with(**{key: tried}, **fixed), most)
+        # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
+        safe = f"{value * (1 - 5e-4):.4g}"
+        if not value and fixed:
+            return []
+        return planned_with(f"{key} = {safe} (planar m)", **{key: float(safe)}, **fixed)
+
     stops = [problem.triangulation.locate(stop) for stop in problem.voyage.stops]
     gaps = (widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
     widths = [Length(math.dist(*gap), gap) for gap in gaps if gap is not None]
@@ -522,11 +531,11 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         remedies += planned_with(f"a risk of {risk:g}", risk=risk)
     most = min(options.min_width or math.inf, max(map(_narrowest_gap, widest), default=0.0) / 2)
     pads = options.is_adaptive or options.min_width > 0  # else there is nothing to keep less of
-    if pads and (width := _largest_padding(route_with, most)):
-        # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
-        safe = f"{width * (1 - 5e-4):.4g}"
-        fixed = {"padding": float(safe), "clearance": 0.0, "risk_at": "route"}
-        remedies += planned_with(f"padding = {safe} (planar m)", **fixed)
+    # A clearance that never yields goes first, as turns do not need it.
+    is_held = options.clearance > options.fixed_width and options.narrow_share == 1.0
+    bare = {"clearance": 0.0, "risk_at": "route"}
+    less = largest("clearance") if is_held else []
+    remedies += less or (largest("padding", **bare) if pads else [])
     none = Text("no other risk or padding was found that leaves one")
     narrowest = sorted(widths, key=lambda width: width.metres)[:1]
     said = [Text("the widest way through has a gap of {0}", (width,)) for width in narrowest]
@@ -549,16 +558,15 @@ def _least_risk(route_with: Callable[..., Route | None], low: float) -> float | 
     return high
 
 
-def _largest_padding(route_with: Callable[..., Route | None], most: float) -> float:
-    """Return the largest fixed padding up to `most` m, to 2 %, that leaves a route; 0 if none."""
+def _largest(route_with: Callable[[float], Route | None], most: float) -> float:
+    """Return the largest width up to `most` m, to 2 %, that leaves a route; 0 if none."""
     if not 0 < most < math.inf:
         return 0.0
     low, high = 0.0, most
     # Each try takes as long as a plan, and a little less than `most` is usually enough.
     tried = _NEARLY * most
     for _ in range(_TRIES):
-        route = route_with(padding=tried, clearance=0.0, risk_at="route")
-        if route is None:
+        if route_with(tried) is None:
             high = tried
         else:
             low = tried

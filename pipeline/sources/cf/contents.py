@@ -91,6 +91,7 @@ def read_component(
         if not size:
             raise ValueError(f"{name} is empty, as {dim} has no values; give a file with data")
     unit, notes = _unit(array, quantity)
+    notes += [Note.of("versions-merged")] * ("is_merged" in array.encoding)
     if re.search(r"\b(depth|lev|z)\w*: ?(\w+: ?)*mean", array.attrs.get("cell_methods", "")):
         notes.append(Note.of("current-over-depth"))
     about = grids.coordinates(dataset, array)
@@ -151,6 +152,11 @@ def _place_along(
     if dim.lower() in grids.SURFACE:
         at = grids.SURFACE[dim.lower()] % size
         return at, [Note.of("level-by-name", level=dim, at=at)]
+    if dim == "expver":
+        raise ValueError(
+            f"{array.name} has the dimension expver ({size}), and some of its times have values of "
+            "both ERA5 and ERA5T, or of neither; keep one, as with `ncks -d expver,0`"
+        )
     raise ValueError(
         f"{array.name} has the dimension {dim} ({size}), which is neither time, depth, latitude "
         f"nor longitude; add its coordinate, or keep one index of it; or, of an ensemble, "

@@ -120,6 +120,7 @@ def open_dataset(path: Path, quantity: Quantity = CURRENT) -> Dataset:
             for variable in dataset.variables.values():
                 if variable.ndim < 2 and variable.size <= _MAX_VALUES:
                     variable.load()
+            dataset = _of_one_version(dataset)
     except ValueError:
         store.close()
         raise
@@ -129,6 +130,23 @@ def open_dataset(path: Path, quantity: Quantity = CURRENT) -> Dataset:
         # Standard names are in lower case; some files of FVCOM begin one with a capital.
         if "standard_name" in owner.attrs:
             owner.attrs["standard_name"] = owner.attrs["standard_name"].lower()
+    return dataset
+
+
+def _of_one_version(dataset: Dataset) -> Dataset:
+    """Return a dataset in which ERA5 and its preliminary ERA5T (`expver`) are one series.
+
+    That holds for variables of which each time has values of exactly one of the two.
+    """
+    for name, array in dataset.data_vars.items():
+        if {"expver", "time"} <= {*array.dims}:
+            known = [
+                [bool(one.notnull().any()) for one in of]
+                for of in array.transpose("time", "expver", ...)
+            ]
+            if (np.sum(known, axis=1) == 1).all():
+                dataset[name] = array.isel(expver=("time", np.argmax(known, axis=1)))
+                dataset[name].encoding["is_merged"] = True
     return dataset
 
 

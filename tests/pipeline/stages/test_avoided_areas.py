@@ -120,6 +120,25 @@ def test_a_stop_in_an_area_that_is_always_shut_is_found_before_a_run(tmp_path: P
             require_whole_files(parse_scenario(given | {"via": [[-40.0, 35.04]]}, tmp_path))
 
 
+@pytest.mark.parametrize("is_open", [False, True])
+def test_a_run_and_a_check_refuse_a_start_in_a_shut_area_by_the_same_sentence(
+    tmp_path: Path, is_open: bool
+) -> None:
+    calm = [{"name": "calm", "currents": ["still"]}]
+    data = scenario_data(tmp_path, avoid=[{"path": "range.geojson"}], seasons=calm)
+    given = data | {"start": [-40.0, 35.04], "via": []}
+    if is_open:
+        del given["region"]
+    inside = parse_scenario(given, tmp_path)
+    said = []
+    for refuse in (require_whole_files, lambda scenario: run(scenario, tmp_path / "outputs")):
+        with pytest.raises(RequestError, match=r"^start = .* lies in area 'range'") as refused:
+            refuse(inside)
+        said.append(refused.value.faults)
+    assert said[0] == said[1]
+    assert not (tmp_path / "outputs").exists()
+
+
 def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     bad = scenario_data(
         tmp_path,

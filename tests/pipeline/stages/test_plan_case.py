@@ -143,6 +143,30 @@ def test_a_refusal_has_one_reason_and_a_remedy_that_helps() -> None:
     assert plan_case(case, PlannerOptions(padding=float(found[2]), clearance=0.0)).plan is not None
 
 
+def among_islets() -> Case:
+    """A case that begins at the middle of eight islets in open water, 14 m apart."""
+    middles = [(x, y) for x in (30, 50, 70) for y in (50, 70, 90) if (x, y) != (50, 70)]
+    boxes = [shapely.box(x - 3, y - 3, x + 3, y + 3) for x, y in middles]
+    plane = {"extent": [0, 0, 200, 140], "obstacles": [[*one.exterior.coords] for one in boxes]}
+    return case_of(
+        parse_scenario(SCENARIO | {"start": [50, 70], "goal": [190, 70], "plane": plane})
+    )
+
+
+def test_a_clearance_that_shuts_a_start_in_is_refused_at_once_with_the_largest() -> None:
+    """No wider region helps, and none is tried; the clearance that is named leaves a way."""
+    # Open water is 46.8 m off, less than twice the clearance; islets shut all straight legs there.
+    case, asked = among_islets(), PlannerOptions(clearance=23.8)
+    out = plan_case(case, asked)
+    assert not out.is_shut
+    found = re.search(r"clearance = ([\d.]+) .* \(--clearance ([\d.]+)m\)", out.failure)
+    assert found is not None
+    assert float(found[1]) == float(found[2])
+    assert "padding = " not in out.failure
+    assert plan_case(case, PlannerOptions(clearance=float(found[1]))).plan is not None
+    assert plan_case(case, PlannerOptions(clearance=1.03 * float(found[1]))).plan is None
+
+
 def test_a_wider_region_can_help_round_walls_that_end_at_the_edge() -> None:
     walls = [[[0, 45], [47, 45], [47, 55], [0, 55]], [[53, 45], [100, 45], [100, 55], [53, 55]]]
     plane = {"extent": [0, 0, 100, 100], "obstacles": walls}

@@ -13,11 +13,13 @@ from shapely import Polygon, box
 
 from pipeline.errors import RequestError
 from pipeline.machine.store import Store
+from pipeline.model import Note
 from pipeline.run import Outcome, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
+from pipeline.sources.land import osm
 from pipeline.stages.region import (
     SIDES,
     chosen_region,
@@ -294,6 +296,22 @@ def test_land_of_the_world_is_checked_where_no_chart_is_named() -> None:
     (fault,) = endpoints_on_land(scenario((36.4, 28.9), (28.9, 36.2)))
     assert fault.startswith("start = [36.4, 28.9] lies on land, more than 20 km")
     assert "did you mean [28.9, 36.4]?" in fault
+
+
+def test_the_quick_look_at_the_world_reads_no_second_shoreline(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    read, near = list[str](), osm.polygons_near
+
+    def noted(
+        shoreline: osm.Shoreline, where: Polygon
+    ) -> tuple[osm.NearPolygons, tuple[Note, ...]]:
+        read.append(shoreline)
+        return near(shoreline, where)
+
+    monkeypatch.setattr(osm, "polygons_near", noted)
+    assert endpoints_on_land(scenario((-40.0, 35.0), (-41.0, 35.0))) == []
+    assert read == ["Osm", "Osm"]
 
 
 @pytest.mark.slow

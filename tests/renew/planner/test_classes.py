@@ -89,13 +89,14 @@ def test_where_a_fixed_padding_blocks_all_the_adaptive_one_is_suggested_first() 
         renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL, padding=1.03 * 5)
 
 
-def test_where_a_clearance_blocks_all_the_largest_padding_is_suggested() -> None:
+def test_where_a_clearance_blocks_all_the_largest_clearance_is_suggested() -> None:
+    asked = chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL
     with pytest.raises(renew.UnreachableError) as caught:
-        renew.plan(
-            chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL, padding="none", clearance=8.0
-        )
-    suggested = float(re.search(r"padding = ([\d.]+) \(planar m\) would", str(caught.value))[1])  # type: ignore[index]
+        renew.plan(*asked, padding="none", clearance=8.0)
+    suggested = float(re.search(r"clearance = ([\d.]+) \(planar m\) would", str(caught.value))[1])  # type: ignore[index]
     assert 2.7 < suggested < 3
+    assert "padding = " not in str(caught.value)
+    assert renew.plan(*asked, padding="none", clearance=suggested).best.clearance >= suggested
 
 
 @pytest.mark.slow

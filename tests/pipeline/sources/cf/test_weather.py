@@ -196,3 +196,32 @@ def test_a_file_of_wind_is_still_no_current(tmp_path: Path) -> None:
     reason = CfFiles((str(path),), quantity=CURRENT).uncovered_reason(REGION, SEASON)
     assert "10 metre U wind component" in reason or "component of wind" in reason
     assert "the components of a current" in reason
+
+
+def with_versions(data: xr.Dataset, *filled: str) -> xr.Dataset:
+    """Data as the Climate Data Store gave them: of `expver` each time has those that it names."""
+    both = data.expand_dims(expver=[1, 5]).transpose("time", "expver", ...)
+    named = [[version in of for version in "15"] for of in filled]
+    return both.where(xr.DataArray(named, dims=("time", "expver")))
+
+
+def test_era5_and_its_preliminary_times_are_one_series_and_that_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "era5.nc"
+    with_versions(fields("wind"), "1", "5", "5").to_netcdf(path, engine="netcdf4")
+    grid = read(path, WIND)
+    np.testing.assert_array_equal(grid.u, expected(grid, 0))
+    np.testing.assert_array_equal(grid.v, expected(grid, 1))
+    (told,) = (note for note in grid.notes if note.kind == "versions-merged")
+    assert told.is_decision
+
+
+@pytest.mark.parametrize("filled", [("1", "15", "5"), ("1", "", "5")])
+def test_times_of_both_versions_of_era5_are_refused(
+    tmp_path: Path, filled: tuple[str, ...]
+) -> None:
+    path = tmp_path / "era5.nc"
+    with_versions(fields("wind"), *filled).to_netcdf(path, engine="netcdf4")
+    reason = CfFiles((str(path),), quantity=WIND).uncovered_reason(REGION, SEASON)
+    assert "values of both ERA5 and ERA5T, or of neither; keep one, as with `ncks -d" in reason
+    with_versions(fields("wind"), *filled).isel(expver=[1]).to_netcdf(path, engine="netcdf4")
+    assert not CfFiles((str(path),), quantity=WIND).uncovered_reason(REGION, SEASON)
