@@ -143,10 +143,8 @@ def _of_json(content: bytes) -> Iterator[GivenRoute]:
     """Yield the lines of a GeoJSON: our best route first, as its features are in order."""
     document = json.loads(content)
     for feature in document.get("features") or [document]:
-        shape, name = (
-            feature.get("geometry") or feature,
-            (feature.get("properties") or {}).get("name"),
-        )
+        shape = feature.get("geometry") or feature
+        name = (feature.get("properties") or {}).get("name")
         if shape.get("type") == "LineString":
             yield _line(name, "GeoJSON", shape["coordinates"])
         elif shape.get("type") == "MultiLineString":

@@ -144,10 +144,8 @@ def _mean_velocity(velocities: Sequence[FloatArray], weights: FloatArray) -> Flo
 
 def _all_times(fields: Sequence[CurrentField]) -> FloatArray:
     """Return the times (nt,), s, of all fields within the span that all know."""
-    begin, end = (
-        max(field.slice_times[0] for field in fields),
-        min(field.slice_times[-1] for field in fields),
-    )
+    begin = max(field.slice_times[0] for field in fields)
+    end = min(field.slice_times[-1] for field in fields)
     times = np.unique(np.concatenate([field.slice_times for field in fields]))
     return np.asarray(times[(times >= begin) & (times <= end)])
 
