@@ -73,7 +73,10 @@ def session(name: str, output: Path, origin: ScenarioFile | None = None) -> Iter
     except RequestError:
         _remove_if_unused(root, output if is_new else None)
         raise
-    _prune_after_run(root, started)
+    # Unless another run uses the store; files of this run stay.
+    with contextlib.suppress(OSError), file_lock(root / _STORE_LOCK) as is_held:
+        if is_held:
+            prune(root, max_bytes=MAX_STORE_BYTES, keep_since=started)
 
 
 def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -> Freed:
@@ -178,10 +181,3 @@ def _remove_if_unused(root: Path, output: Path | None) -> None:
                 root.rmdir()
         if output is not None:
             output.rmdir()
-
-
-def _prune_after_run(root: Path, started: float) -> None:
-    """Prune a store that is too large, unless another run uses it; keep files of this run."""
-    with contextlib.suppress(OSError), file_lock(root / _STORE_LOCK) as is_held:
-        if is_held:
-            prune(root, max_bytes=MAX_STORE_BYTES, keep_since=started)

@@ -89,18 +89,11 @@ class _Formatter(string.Formatter):
 
 _FORMATTER = _Formatter()
 _FORMATS: Mapping[str, Callable[[Any], str]] = {
-    "box": text.box,
-    "distance": text.distance,
     "at most": lambda value: f"{text.rounded_up(value, 2):g}",
     "at most hours": text.at_most_hours,
-    "clearance": text.clearance,
-    "duration": text.duration,
-    "hours": text.hours,
     "moment": text.moment_text,
-    "number": text.number,
-    "percent": text.percent,
-    "part": text.part,
-    "share": text.share,
+    **{name: getattr(text, name) for name in ("box", "distance", "clearance", "duration", "hours")},
+    **{name: getattr(text, name) for name in ("number", "percent", "part", "share")},
 }
 
 
@@ -268,7 +261,8 @@ def _region_chosen(bounds: Sequence[float], ends: Sequence[Note], left_out: floa
     return f"region {text.box(bounds)}, {chosen}{longer if left_out else ''}{rest}"
 
 
-_BY_FUNCTION: Mapping[str, Callable[..., str]] = {
+WORDS: Mapping[str, str | Callable[..., str]] = {
+    **table_beside(__file__, "notes.toml"),
     "current-lacking": _current_lacking,
     "current-on-table": _current_on_table,
     "current-used": lambda source, valid: (
@@ -322,10 +316,6 @@ _BY_FUNCTION: Mapping[str, Callable[..., str]] = {
         f"shut{_from_until(begin, until, '')} water beside the way: the routes keep out of it, "
         "early, on time and late"
     ),
-}
-WORDS: Mapping[str, str | Callable[..., str]] = {
-    **table_beside(__file__, "notes.toml"),
-    **_BY_FUNCTION,
 }
 """The words of each kind of note."""
 

@@ -155,10 +155,8 @@ def shut_straits(
     found = [(case, result) for case, result in planned if result.routes]
     if not found or found[0][0].water.is_planar:
         return ()
-    radius, given = (
-        max(case.vessel.turning_radius for case, _ in found),
-        model.plan_options(options),
-    )
+    radius = max(case.vessel.turning_radius for case, _ in found)
+    given = model.plan_options(options)
     likely = given.likely_width(radius)
     turns = 2 * radius if given.is_adaptive else 0.0
     water = found[0][0].water

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import shapely
@@ -196,11 +196,6 @@ class RunCase:
     def coverage(self) -> renew.Coverage | None:
         """From where along the best route a haven is reached; None without havens."""
         return self.run.coverages.get(self.name)
-
-    @property
-    def side_bound(self) -> float | None:
-        """The bound on the other sides, if the routes differ in their side; waits for it."""
-        return self.run.side_bounds().get(self.name)
 
     @property
     def is_stand_in(self) -> bool:
@@ -443,10 +438,9 @@ class RunResult:
         weather = self.fetched.weather_credits
         return (*self.fetched.land.credits, *dict.fromkeys([*currents, *weather]))
 
-    @property
-    def shoals(self) -> tuple[shapely.Geometry, ...]:
-        """Water too shallow for the vessel, lon/lat degrees: no-go like land."""
-        return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
+    def no_go_water(self, kind: Literal["shoal", "hazard"]) -> list[shapely.Geometry]:
+        """Return water too shallow for the vessel, or dangers with room around, lon/lat degrees."""
+        return [zone.area for zone in self.fetched.land.zones if zone.kind == kind]
 
     @cached_property
     def land_label(self) -> str:
@@ -458,11 +452,6 @@ class RunResult:
         """Land in the plane as maps draw it: beyond the region, too, where it is known there."""
         around = np.array([*_projected(self.water, self.fetched.surroundings)], dtype=object)
         return continued(np.array(self.water.land, dtype=object), shapely.make_valid(around))
-
-    @property
-    def hazards(self) -> tuple[shapely.Geometry, ...]:
-        """Rocks, wrecks, marks and the like with the room around them, lon/lat degrees: no-go."""
-        return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "hazard")
 
     @cached_property
     def open_zones(self) -> tuple[tuple[model.Zone, shapely.Geometry], ...]:

@@ -163,7 +163,7 @@ def case_facts(case: RunCase) -> CaseFacts | None:
     return CaseFacts(
         [one.metrics for one in case.routes],
         float(speeds.mean()) if len(speeds) else 0.0,
-        case.side_bound,
+        case.run.side_bounds().get(case.name),  # waits for it
         case.lacks_current,
         is_narrow=bool(case.measures.narrow),
     )

@@ -91,9 +91,8 @@ class _WayNamer:
         }
         self._spelled = _letters(routes.values())
         self._used: set[int] = set()
-        # Caches, because many routes need the same islands.
-        self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
-        self._gaps: dict[tuple[int, int], shapely.LineString] = {}
+        # Many routes need the same islands.
+        self._abeam, self._gap = cache(self._direction_from), cache(self._line_between)
 
     def passages(self, key: RouteKey) -> tuple[Passage, ...]:
         """Return a route's passages: the main island first, the others in order of passing."""
@@ -220,11 +219,8 @@ class _WayNamer:
                 if other[0] == key[0] and _crosses(self._routes[other].path, gap)
             }
             mine = tuple(self._windings[key][island] for island in pair)
-            if (
-                free.issuperset(pair)
-                and through == {mine}
-                and _crosses(self._routes[key].path, gap)
-            ):
+            is_between = through == {mine} and _crosses(self._routes[key].path, gap)
+            if is_between and free.issuperset(pair):
                 free.difference_update(pair)
                 yield pair
 
@@ -250,18 +246,13 @@ class _WayNamer:
         keys = [key for key, of in self._windings.items() if of[island] == winding]
         return np.asarray(np.mean([self._abeam(key, island) for key in keys], axis=0))
 
-    def _abeam(self, key: RouteKey, island: int) -> FloatArray:
+    def _direction_from(self, key: RouteKey, island: int) -> FloatArray:
         """Return the mean direction (2,) from an island to a route abeam of it."""
-        if (key, island) not in self._directions:
-            found = _direction_abeam(self._routes[key].path, self._centre(island))
-            self._directions[key, island] = found
-        return self._directions[key, island]
+        return _direction_abeam(self._routes[key].path, self._centre(island))
 
-    def _gap(self, one: int, other: int) -> shapely.LineString:
+    def _line_between(self, one: int, other: int) -> shapely.LineString:
         """Return the shortest line between two islands."""
-        if (one, other) not in self._gaps:
-            self._gaps[one, other] = shapely.shortest_line(self._outline(one), self._outline(other))
-        return self._gaps[one, other]
+        return shapely.shortest_line(self._outline(one), self._outline(other))
 
     def _along(self, key: RouteKey, island: int) -> float:
         """Return the distance along a route, planar m, at which it passes an island."""

@@ -97,10 +97,8 @@ def in_small_pieces(polygons: Geometries) -> Geometries:
         return polygons
     west, south, east, north = shapely.bounds(polygons[~is_small]).T
     is_wide = east - west > north - south
-    x, y = (
-        np.where(is_wide, (west + east) / 2, east),
-        np.where(is_wide, north, (south + north) / 2),
-    )
+    x = np.where(is_wide, (west + east) / 2, east)
+    y = np.where(is_wide, north, (south + north) / 2)
     other_x, other_y = np.where(is_wide, x, west), np.where(is_wide, south, y)
     halves = np.concatenate(
         [shapely.box(west, south, x, y), shapely.box(other_x, other_y, east, north)]

@@ -315,11 +315,6 @@ class EnsembleFigures:
         )
 
     @property
-    def is_sure(self) -> bool:
-        """Whether all other routes are surely dearer."""
-        return self.close == (1,)
-
-    @property
     def has_quantiles(self) -> bool:
         """Whether there are members enough for P90 and CVaR."""
         return len(self.names) >= FEWEST

@@ -30,11 +30,6 @@ class Period:
     begin: datetime
     end: datetime
 
-    @property
-    def is_instant(self) -> bool:
-        """Whether it is a single moment, without duration."""
-        return self.begin == self.end
-
 
 def period(valid: str) -> Period:
     """Read 'YYYY-MM', 'YYYY-MM-DD' or 'YYYY-MM-DDTHH:MMZ'; else ValueError with the remedy."""
@@ -412,5 +407,5 @@ class Season(StrictModel):
     def resolved_time_method(self) -> TimeMethod:
         """The method by which one field is made, as given or the default for the period."""
         if self.time_method is None or self.time_method == "changing":
-            return "nearest" if self.period.is_instant else "mean"
+            return "nearest" if self.period.begin == self.period.end else "mean"
         return self.time_method

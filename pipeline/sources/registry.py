@@ -132,17 +132,13 @@ def current_source(
     If `members` says that the files hold members, the source gives their mean, and each of them.
     `variables` are those of the files that are the current; by default they are found.
     """
-    if isinstance(named, StreamConstants):
-        from pipeline.sources.cf.adapter import TidalStreams
-
-        return TidalStreams.of(named, variables)
-    if not isinstance(named, str) and members is not None and members.along:
-        from pipeline.sources.cf.adapter import CfMembers
-
-        return CfMembers(named, members, variables)
     if not isinstance(named, str):
-        from pipeline.sources.cf.adapter import CfFiles
+        from pipeline.sources.cf.adapter import CfFiles, CfMembers, TidalStreams
 
+        if isinstance(named, StreamConstants):
+            return TidalStreams.of(named, variables)
+        if members is not None and members.along:
+            return CfMembers(named, members, variables)
         return CfFiles(named, pair=variables)
     spec = catalogue.source(named)
     if spec.adapter == "embedded-table":

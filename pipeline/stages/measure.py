@@ -155,6 +155,8 @@ class _RouteEvaluator:
         """Return all measurements of one route."""
         line = shapely.LineString(route.path)
         land_m, land_lon, land_lat = self._over_land(line)
+        points = densified(shapely.get_coordinates(line), _PIECE_M / self._projection.scale)
+        closest = closest_approach(self._tree, points, self._projection)
         choice, still = self._case.speeds, self._case.vessel.speed
         if choice is not None:
             still = float(np.clip(route.length / route.duration, choice.least, choice.most))
@@ -165,7 +167,7 @@ class _RouteEvaluator:
             fuel_per_distance=route.fuel_per_distance,
             length=route.length,
             length_m=self._projection.geodesic_length_m(route.path),
-            clearance_m=self._clearance_m(line),
+            clearance_m=math.inf if closest is None else closest[1],
             duration_s=route.duration * self._projection.scale,
             speed_m_s=float(np.average(route.speeds, weights=np.diff(route.times))),
             still_fuel=float(self._case.vessel.rates(still)) * route.length / still,
@@ -258,12 +260,6 @@ class _RouteEvaluator:
             lateness=self._options.lateness,
             min_lateness=MIN_LATENESS_S,
         )
-
-    def _clearance_m(self, line: shapely.LineString) -> float:
-        """Return true metres from a route to the nearest original land; inf if there is no land."""
-        points = densified(shapely.get_coordinates(line), _PIECE_M / self._projection.scale)
-        closest = closest_approach(self._tree, points, self._projection)
-        return math.inf if closest is None else closest[1]
 
     def _share_without(
         self, route: renew.Route, known: KnownCells | DepthCover | None, otherwise: float

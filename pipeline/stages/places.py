@@ -338,10 +338,8 @@ def unsimplified(land: model.Land) -> model.SimplifiedLand:
 
 def plane_water(scenario: Scenario, plane: Plane) -> model.Water:
     """Build the chart from the given metres; a detour over lon/lat would round them."""
-    obstacles, projection = (
-        tuple(map(shapely.Polygon, plane.obstacles)),
-        _projection(scenario.scale),
-    )
+    obstacles = tuple(map(shapely.Polygon, plane.obstacles))
+    projection = _projection(scenario.scale)
     water = model.Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
     check_endpoints(scenario, water)
     return water

@@ -185,7 +185,8 @@ def _checked(
     route, at = drawn
     given = ranked[0]
     case, path = given.case.case, np.asarray(given.route.path)
-    drift = "crab" if route.is_by_legs else given.case.scenario.planner.drift
+    is_by_legs = route.points[-1].curve is not None  # on which a course is held, not a line
+    drift = "crab" if is_by_legs else given.case.scenario.planner.drift
     taken = sailed(path, np.array(at[:-1]), given.route.speeds, case, drift)
     crossed = tuple(_crossed(case, path, given.case.run.fetched.land.places))
     near = closest_approach(coast_edges(case.water.land), path, case.projection)

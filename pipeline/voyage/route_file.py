@@ -64,11 +64,6 @@ class GivenRoute:
         return np.column_stack([np.unwrap(lon, period=360.0), lat])
 
     @property
-    def is_by_legs(self) -> bool:
-        """Whether it is given by legs on which a course is held, not as a line."""
-        return self.points[-1].curve is not None
-
-    @property
     def stops(self) -> dict[str, Any]:
         """Its ends, and of one that ends where it begins its farthest point, as `go` takes them."""
         off = (self.lonlat - self.lonlat[0]) * [np.cos(np.radians(self.lonlat[0, 1])), 1.0]
@@ -148,10 +143,8 @@ def _of_json(content: bytes) -> Iterator[GivenRoute]:
     """Yield the lines of a GeoJSON: our best route first, as its features are in order."""
     document = json.loads(content)
     for feature in document.get("features") or [document]:
-        shape, name = (
-            feature.get("geometry") or feature,
-            (feature.get("properties") or {}).get("name"),
-        )
+        shape = feature.get("geometry") or feature
+        name = (feature.get("properties") or {}).get("name")
         if shape.get("type") == "LineString":
             yield _line(name, "GeoJSON", shape["coordinates"])
         elif shape.get("type") == "MultiLineString":

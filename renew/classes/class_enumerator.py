@@ -224,8 +224,7 @@ class ClassEnumerator:
 
     def best_closely(self) -> list[Channel]:
         """Return the best channel of a closer roadmap, if there is one."""
-        graph = self._roads.closer
-        return self.channels_on(graph, 1)
+        return self.channels_on(self._roads.closer, 1)
 
     @property
     def least_time(self) -> float:

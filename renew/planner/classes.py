@@ -137,17 +137,11 @@ class ClassSearch:
         self.find_first(few, variants=1, beside=1, dearest=dearest)
         known = self._too_dear | {word: found.fuel for word, found in self.found.items()}
         are_all = len(known) < few and not self.rejected and math.isfinite(dearest)
-        if (
-            few == classes
-            or are_all
-            or (
-                len(known) >= few
-                and self.best is not None
-                and max(known.values()) > _CLEARLY_DEARER * self.best.fuel
-            )
-        ):
-            return
-        self.find_first(classes, variants=1, beside=1, dearest=dearest)
+        are_enough = are_all or few == classes
+        if len(known) >= few and self.best is not None:
+            are_enough |= max(known.values()) > _CLEARLY_DEARER * self.best.fuel
+        if not are_enough:
+            self.find_first(classes, variants=1, beside=1, dearest=dearest)
 
     def find_first(
         self,
@@ -376,12 +370,10 @@ class ClassSearch:
                 _keep_best(self._slipped, own, found)
                 raise InfeasibleError("its least-fuel path slips into another class")  # noqa: TRY301 - as if none was found
         except InfeasibleError as error:
-            known = self.rejected.get(word)
-            self.rejected[word] = (
-                replace(known, ways=(*known.ways, asked))
-                if known
-                else self.rejected_for(asked, error)
-            )
+            if known := self.rejected.get(word):
+                self.rejected[word] = replace(known, ways=(*known.ways, asked))
+            else:
+                self.rejected[word] = self.rejected_for(asked, error)
             if error.strait is None:
                 self._done.add(channel.word)
             return error.blocked

@@ -17,7 +17,6 @@ import shapely
 from renew._types import FloatArray, IntArray
 from renew.classes.dual_graph import visits
 from renew.errors import InfeasibleError
-from renew.inputs.options import PlanOptions
 from renew.kernels.current_table import velocities
 from renew.kernels.ground_speed import chosen_speeds
 from renew.paths.corridor import Corridor
@@ -60,14 +59,9 @@ class PaddingGrowth:
     model: PaddingModel
     are_fitted: bool = False
 
-    @property
-    def options(self) -> PlanOptions:
-        """How its problem is planned."""
-        return self.problem.options
-
     def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
         """Return a path's shortfall of padding in triangles that it crosses; if none, for turns."""
-        if not self.options.is_adaptive:
+        if not self.problem.options.is_adaptive:
             return None
         # Each member of an ensemble passes via points at times of its own.
         every = zip(*(one.parts(path) for one in corridor.voyage.in_members), strict=True)
@@ -80,7 +74,7 @@ class PaddingGrowth:
         self, corridor: Corridor, path: FloatArray, speeds: FloatArray
     ) -> Shortfalls | None:
         """Return the shortfall for turns along a path (n, 2) sailed at speeds (n - 1,), m/s."""
-        if not self.options.is_adaptive:
+        if not self.problem.options.is_adaptive:
             return None
         own_speeds = corridor.voyage.cut_speeds(path, speeds)
         return _any(
@@ -98,7 +92,7 @@ class PaddingGrowth:
 
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
         """Return the shortfall where a path bulges out of the channel for which padding was set."""
-        if corridor.is_fitted or not self.options.is_adaptive:
+        if corridor.is_fitted or not self.problem.options.is_adaptive:
             return None
         return _any(self._bulge_shortfall(*part) for part in corridor.parts(path))
 
@@ -117,10 +111,10 @@ class PaddingGrowth:
         reach = self.problem.reach
         short = colliding_edges(path, voyages, padded, reach, is_fitted=self.are_fitted)
         short = growable(padded, short)
-        if short or self.options.risk_at == "route":
+        if short or self.problem.options.risk_at == "route":
             return short
         return risky_edges(
-            path, voyage, padded, corridor.corners, self.model.sampler, self.options.risk
+            path, voyage, padded, corridor.corners, self.model.sampler, self.problem.options.risk
         )
 
 

@@ -258,7 +258,8 @@ def shortfalls(
     along, _, share, needed = room_to_turn(path, problem, speeds)
     for one in tight:
         inside = (along >= one.begin) & (along <= one.end)
-        share[inside] = np.minimum(share[inside], _in_steps(1 / one.factor))
+        whole_steps = math.floor(1 / one.factor / _STEP) * _STEP
+        share[inside] = np.minimum(share[inside], whole_steps)
     found, short = list[Shortfall](), np.flatnonzero(share < 1)
     apart = along[short[1:]] - along[short[:-1]] > NEEDED * problem.voyage.vessel.turning_radius
     for run in np.split(short, 1 + np.flatnonzero(apart)) if len(short) else ():
@@ -266,11 +267,6 @@ def shortfalls(
         most = float(needed[run].max())
         found.append(Shortfall(float(begin), float(end), most, float(share[run].min()) * most))
     return tuple(found)
-
-
-def _in_steps(share: float) -> float:
-    """Return a share, rounded down to whole steps."""
-    return math.floor(share / _STEP) * _STEP
 
 
 def growable(

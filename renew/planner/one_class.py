@@ -173,11 +173,9 @@ class ClassPlanner:
             duration, class_mean = float(times[-1] - times[0]), fuel
         line = shapely.LineString(path)
         track = shapely.LineString(trajectory[:, 1:3])
-        clearance = (
-            min(shapely.distance([line, track], voyage.chart.hard_no_go))
-            if voyage.chart.no_go
-            else math.inf
-        )
+        clearance = math.inf
+        if voyage.chart.no_go:
+            clearance = min(shapely.distance([line, track], voyage.chart.hard_no_go))
         return Route(
             path=path,
             trajectory=trajectory,

@@ -43,6 +43,7 @@ from renew.planner.problem import Problem, check_current_at_endpoints, check_end
 from renew.planner.sampled_paths import chosen_class
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
+from renew.turns.verification import spacing_along
 from renew.voyage.voyage import Waters, early_and_late
 
 _T = TypeVar("_T")
@@ -185,7 +186,7 @@ def _lines(route: Route, vessel: Vessel) -> Iterator[tuple[FloatArray, FloatArra
         (route.path, route.times),
         (route.trajectory[:, 1:3], route.trajectory[:, 0]),
     ):
-        yield _densified(line, times, _spacing(line, vessel))
+        yield _densified(line, times, vessel)
 
 
 def _near(
@@ -332,16 +333,11 @@ def _earlier(
     return replace(plan, shut=tuple(area for area in request.areas if area in closed))
 
 
-def _spacing(line: FloatArray, vessel: Vessel) -> float:
-    """Length (m) of the pieces into which a line (n, 2) is cut for the test."""
-    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    return max(_SPACING * vessel.turning_radius, length / _MAX_POINTS)
-
-
 def _densified(
-    line: FloatArray, times: FloatArray, spacing: float
+    line: FloatArray, times: FloatArray, vessel: Vessel
 ) -> tuple[FloatArray, FloatArray]:
-    """Return points (m, 2) on a line, at most `spacing` (m) apart, with their times (m,), s."""
+    """Return points (m, 2) on a line, close together for the test, with their times (m,), s."""
+    spacing = spacing_along(line, _SPACING * vessel.turning_radius, _MAX_POINTS)
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     pieces = np.maximum(1, np.ceil(lengths / spacing)).astype(int)
     leg = np.repeat(np.arange(len(lengths)), pieces)
@@ -438,7 +434,7 @@ def with_least_water(plan: Plan, request: Request) -> Plan:
     late = request.options.lateness, request.options.min_lateness
 
     def least(route: Route) -> Route:
-        points, times = _densified(route.path, route.times, _spacing(route.path, request.vessel))
+        points, times = _densified(route.path, route.times, request.vessel)
         schedules = (times, *early_and_late(times, times[0], *late))
         return replace(route, least_water=depth.least_water(points, schedules))
 

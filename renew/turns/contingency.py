@@ -240,11 +240,8 @@ def stations(path: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 2) every `spacing` metres along a path, and the course (n,) there, rad."""
     legs = np.diff(path, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
-    path, legs, lengths = (
-        path[np.append(lengths > 0, True)],
-        legs[lengths > 0],
-        lengths[lengths > 0],
-    )
+    is_leg = lengths > 0
+    path, legs, lengths = path[np.append(is_leg, True)], legs[is_leg], lengths[is_leg]
     if not len(legs):
         return path[:1], np.zeros(1)
     begin = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -300,10 +297,8 @@ def _perturbed(
     """Return velocities (n, draws, sides, 2) with speed and direction changed by (n, draws)."""
     speed = np.linalg.norm(velocity, axis=-1)
     factor = np.maximum(0.0, speed + speed_change[..., None]) / np.where(speed > 0, speed, 1.0)
-    cos, sin = (
-        np.cos(direction_change)[..., None] * factor,
-        np.sin(direction_change)[..., None] * factor,
-    )
+    cos = np.cos(direction_change)[..., None] * factor
+    sin = np.sin(direction_change)[..., None] * factor
     u, v = velocity[..., 0], velocity[..., 1]
     return np.stack([u * cos - v * sin, u * sin + v * cos], axis=-1)
 

@@ -221,7 +221,8 @@ class _Near(NamedTuple):
         if speeds is None:
             speeds = np.full(len(path) - 1, vessel.speed)
         margin = _MARGIN * vessel.turning_radius
-        spacing = _spacing(path, vessel) if spacing is None else spacing
+        if spacing is None:
+            spacing = spacing_along(path, _SPACING * vessel.turning_radius)
         points, course, times = passed_stations(path, spacing, voyage)
         flown = []
         for one in voyages:
@@ -358,10 +359,10 @@ def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
     return TabulatedCurrent(table), astray
 
 
-def _spacing(path: FloatArray, vessel: Vessel) -> float:
-    """Return the distance (m) between stations along a path (n, 2)."""
+def spacing_along(path: FloatArray, least: float, most: int = _MAX_STATIONS) -> float:
+    """Return the distance (m) between points along a path (n, 2): the least for up to `most`."""
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    return max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
+    return max(least, length / most)
 
 
 def passed_stations(
@@ -485,7 +486,7 @@ def risky_edges(
 
 def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Stations:
     """Return stations along a path (n, 2), each with the current of its triangle (t, 3, 2)."""
-    points, course = stations(path, _spacing(path, voyage.vessel))
+    points, course = stations(path, spacing_along(path, _SPACING * voyage.vessel.turning_radius))
     windows = passage_windows(voyage, points, points, points)
     found, triangle = shapely.STRtree(shapely.polygons(corners)).query(
         shapely.points(points), predicate="intersects"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from shapely import Polygon
 
-from renew._types import BoolArray, FloatArray
+from renew._types import FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, shown
 from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.current import CurrentLike, as_field
@@ -151,7 +151,9 @@ def adrift(
     share = np.linspace(0.0, 1.0, _STATIONS + 1)
     found = [*follow(share)]
     for _ in range(_HALVINGS):
-        between = np.flatnonzero(_jumps(found[1]))
+        # Where the times of neighbours differ so much, they may jump between them.
+        less, most = np.sort(np.stack([found[1][:-1], found[1][1:]]), axis=0)
+        between = np.flatnonzero(np.isfinite(less) & (most > (1 + _JUMP) * less))
         if not len(between):
             break
         more = (share[between] + share[between + 1]) / 2
@@ -168,9 +170,3 @@ def adrift(
 def _number(value: object) -> float:
     """Return a finite number; NaN, which no limit admits, for anything else."""
     return float(value) if is_finite(value) else math.nan
-
-
-def _jumps(seconds: FloatArray) -> BoolArray:
-    """Whether the times (n,) of neighbours differ so much that they may jump between (n - 1,)."""
-    less, more = np.minimum(seconds[:-1], seconds[1:]), np.maximum(seconds[:-1], seconds[1:])
-    return np.isfinite(less) & (more > (1 + _JUMP) * less)

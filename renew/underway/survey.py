@@ -538,11 +538,7 @@ class Survey:
         """Yield stretches between two stations, the last first, with as few ways as possible."""
         way: Diversion | None = None
         for stretch in stretches:
-            if (
-                stretch.diversion is not None
-                and way is not None
-                and self.is_within(way, stretch.begin)
-            ):
+            if stretch.diversion and way and self.is_within(way, stretch.begin):
                 longest = self.longest_from(stretch.begin, way)
                 yield replace(stretch, diversion=way, longest=longest)
                 continue

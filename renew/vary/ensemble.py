@@ -66,11 +66,6 @@ class Members(NamedTuple):
     names: tuple[str, ...]
 
     @property
-    def are_steady(self) -> bool:
-        """Whether no member changes."""
-        return self.fields[0].is_steady
-
-    @property
     def distinct(self) -> tuple[CurrentField, ...]:
         """The fields, each once."""
         return tuple({id(field): field for field in self.fields}.values())
@@ -149,10 +144,8 @@ def _mean_velocity(velocities: Sequence[FloatArray], weights: FloatArray) -> Flo
 
 def _all_times(fields: Sequence[CurrentField]) -> FloatArray:
     """Return the times (nt,), s, of all fields within the span that all know."""
-    begin, end = (
-        max(field.slice_times[0] for field in fields),
-        min(field.slice_times[-1] for field in fields),
-    )
+    begin = max(field.slice_times[0] for field in fields)
+    end = min(field.slice_times[-1] for field in fields)
     times = np.unique(np.concatenate([field.slice_times for field in fields]))
     return np.asarray(times[(times >= begin) & (times <= end)])
 
@@ -315,7 +308,7 @@ class EnsembleBound:
         if name == "regret":
             return 0.0
         by_members = float(statistic(name, self.of_members[None], self.members.weights, tail)[0])
-        if not self.members.are_steady or name == "p90":
+        if not self.members.fields[0].is_steady or name == "p90":
             return by_members
         return max(by_members, self.in_mean.value, self._dual(tail) if name == "cvar90" else 0.0)
 

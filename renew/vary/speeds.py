@@ -52,7 +52,7 @@ from renew.request import Request
 from renew.results import Departures, Plan, Route, TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.vary.departures import Progress, best_sailing, too_late_error
-from renew.voyage.voyage import Voyage
+from renew.voyage.voyage import Voyage, shares
 
 # Largest number of rounds to find the price of time.
 _PRICE_ROUNDS = 4
@@ -463,7 +463,9 @@ class ClockSearch(PriceSearch):
     def _on_schedule(self, class_path: ClassPath) -> ClassPath:
         """Return the path with its corridor for the hours of its passage."""
         profile = profile_of(class_path)
-        voyage = self.voyage.scheduled(profile.path, profile.times)
+        voyage = replace(
+            self.voyage, schedule=np.column_stack([shares(profile.path), profile.times])
+        )
         corridor = replace(class_path.corridor, voyage=voyage, polar=voyage.polar)
         return class_path._replace(corridor=corridor)
 

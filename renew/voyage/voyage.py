@@ -228,10 +228,6 @@ class Voyage:
         """Return the voyage at a constant speed through water (m/s)."""
         return replace(self, vessel=replace(self.vessel, speed=speed), schedule=None)
 
-    def scheduled(self, path: FloatArray, times: FloatArray) -> "Voyage":
-        """Return the voyage with a schedule: the times (n,), s, at points of a path (n, 2)."""
-        return replace(self, schedule=np.column_stack([shares(path), times]))
-
     @cached_property
     def polar(self) -> Polar:
         """Speed and drift model, for kernels; with the choice of speeds, if there is one."""

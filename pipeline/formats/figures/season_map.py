@@ -51,8 +51,8 @@ def chart_layers(axes: Axes, result: RunResult) -> list[Artist]:
     zones = visible(np.array(no_go, dtype=object), detail)
     land = visible(np.array(result.water.land, dtype=object), detail)
     to_plane = result.water.projection.geometry_to_plane
-    shoals = to_plane(np.array(result.shoals, dtype=object))
-    hazards = to_plane(np.array(result.hazards, dtype=object))
+    shoals = to_plane(np.array(result.no_go_water("shoal"), dtype=object))
+    hazards = to_plane(np.array(result.no_go_water("hazard"), dtype=object))
     return [
         *([patch(zones, facecolor=COLOURS["nogo"], edgecolor="none", zorder=3.5)] if no_go else []),
         patch(
@@ -145,13 +145,12 @@ def zone_handles(result: RunResult) -> list[Artist]:
 
 def land_handles(result: RunResult) -> list[Artist]:
     """Return the legend of land, hard no-go zone, and shoals and hazards if there are any."""
-    added = [Patch(facecolor=COLOURS["nogo"], label="hard no-go zone")]
-    hazards = [Patch(facecolor=COLOURS["hazard"], label="hazards")]
+    shown = {"nogo": "hard no-go zone"} if not result.scenario.is_planar else {}
+    shown |= {"shoal": "too shallow"} if result.no_go_water("shoal") else {}
+    shown |= {"hazard": "hazards"} if result.no_go_water("hazard") else {}
     return [
         Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label=result.land_label),
-        *([] if result.scenario.is_planar else added),
-        *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
-        *(hazards if result.hazards else []),
+        *(Patch(facecolor=COLOURS[role], label=name) for role, name in shown.items()),
     ]
 
 

@@ -400,10 +400,8 @@ def symbol_layer(about: dict[str, Any], case: RunCase | None = None) -> dict[str
 def _colour(about: str, case: RunCase | None = None) -> str:
     """Write a colour, such as "case 0.6" or "#c9a97c", as QGIS does: red,green,blue,alpha."""
     name, _, opacity = about.partition(" ")
-    own = (
-        season_colour(case.number)
-        if case is not None and name == "case"
-        else COLOURS.get(name, name)
-    )
+    own = COLOURS.get(name, name)
+    if case is not None and name == "case":
+        own = season_colour(case.number)
     red, green, blue = bytes.fromhex(own.removeprefix("#"))
     return f"{red},{green},{blue},{round(255 * float(opacity or 1))}"

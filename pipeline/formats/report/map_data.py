@@ -208,7 +208,7 @@ def map_data(
         extent = shapely.segmentize(extent, extent.length * _EDGE_SHARE)
     shoals, hazards = (
         water.projection.geometry_to_plane(np.array(areas, dtype=object))
-        for areas in (result.shoals, result.hazards)
+        for areas in (result.no_go_water("shoal"), result.no_go_water("hazard"))
     )
     named = {island.number for island in result.islands}
     return {

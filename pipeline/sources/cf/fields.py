@@ -214,11 +214,9 @@ def select_all_steps(steps: TimeSteps, period: Period) -> SelectedSteps:
             "two time steps or more, or plan in a month's mean"
         )
     if not moments[0] <= departure < moments[-1]:
-        order = (
-            f"{label(departure)}, is before its first step, {label(moments[0])}"
-            if departure < moments[0]
-            else f"{label(departure)}, is not before its last step, {label(moments[-1])}"
-        )
+        order = f"{label(departure)}, is not before its last step, {label(moments[-1])}"
+        if departure < moments[0]:
+            order = f"{label(departure)}, is before its first step, {label(moments[0])}"
         raise ValueError(f"the departure, {order}; depart between them, or give another file")
     times = np.array([(moment - departure).total_seconds() for moment in moments])
     first = int(np.searchsorted(times, 0.0, side="right")) - 1

@@ -33,18 +33,9 @@ from pipeline.scenario.season import Season
 from pipeline.sources.cf.axes import SURFACE_DEPTH_M, TimeSteps, coordinate_axis, decoded_times
 from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.cf.fields import SelectedSteps, Window, find_window
+from pipeline.sources.copernicus import download
 from pipeline.sources.copernicus.client import LOGIN, around_missing, has_account
-from pipeline.sources.copernicus.download import (
-    SubsetRequest,
-    cached_metadata,
-    download,
-    label_format,
-    last_step,
-    save,
-    select,
-    staging_folder,
-    step_ends,
-)
+from pipeline.sources.copernicus.download import SubsetRequest
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.plausibility import assess_series, count_misplaced, dilated
 
@@ -115,7 +106,7 @@ class Copernicus(CurrentSource):
     def issue(self, case: Season) -> Issue:
         """Ask for the dataset's last step; the first of use is `days_ahead` days before it."""
         del case
-        last, version_label = last_step(self.spec)
+        last, version_label = download.last_step(self.spec)
         first = last - timedelta(days=self.spec.days_ahead)
         digest = hashlib.sha256(f"{self.spec.dataset} {version_label} {last}".encode()).hexdigest()
         return Issue(None, first, last, digest)
@@ -134,15 +125,15 @@ class Copernicus(CurrentSource):
             with contextlib.suppress(StageError):
                 accepted = check(cached, metadata)
         if accepted is None or metadata is None:
-            with staging_folder(folder) as staging:
+            with download.staging_folder(folder) as staging:
                 staged = staging / cached.name
 
                 def check_answer(answer: dict[str, Any]) -> tuple[Accepted, dict[str, Any]]:
                     metadata = self._metadata(asked, answer)
                     return check(staged, metadata), metadata
 
-                accepted, metadata = download(asked, staged, check_answer)
-                metadata = save(staged, cached, metadata)
+                accepted, metadata = download.download(asked, staged, check_answer)
+                metadata = download.save(staged, cached, metadata)
         field, notes = accepted
         obtained = _obtained(asked, metadata)
         if obtained.changes and self.spec.kind == "mean" and self.spec.step in {"day", "month"}:
@@ -189,7 +180,7 @@ class Copernicus(CurrentSource):
     def _select(self, case: Season) -> tuple[TimeSteps, SelectedSteps]:
         """Select the time steps of the case's fields; ValueError where there can be none."""
         method = "changing" if case.is_changing else case.resolved_time_method
-        return select(self.spec, case.period, method)
+        return download.select(self.spec, case.period, method)
 
     def _may_cover(self, steps: TimeSteps, *, changes: bool) -> bool:
         """Whether the dataset may have the steps; if in doubt, the service is asked."""
@@ -198,22 +189,22 @@ class Copernicus(CurrentSource):
         today = datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
         last = today + timedelta(days=self.spec.days_ahead + 1)
         first = datetime.fromisoformat(self.spec.first_day).replace(tzinfo=UTC)
-        begin, _ = step_ends(self.spec, steps.moments[0])
+        begin, _ = download.step_ends(self.spec, steps.moments[0])
         # A current that changes must have the steps around the departure; a short voyage needs no
         # more.
-        end = step_ends(self.spec, steps.moments[0 if changes else -1])[1]
+        end = download.step_ends(self.spec, steps.moments[0 if changes else -1])[1]
         return first <= begin and end <= last
 
     def _is_settled(self, steps: TimeSteps, moment: datetime) -> bool:
         """Whether the data of some steps were final at a moment."""
         if self.spec.kind == "climatology":
             return True
-        _, end = step_ends(self.spec, steps.moments[-1])
+        _, end = download.step_ends(self.spec, steps.moments[-1])
         return moment >= end + timedelta(days=self.spec.settles_after_days)
 
     def _fresh_metadata(self, asked: SubsetRequest, cached: Path) -> dict[str, Any] | None:
         """Return the sidecar of a cached file that is valid and not out of date; else None."""
-        metadata = cached_metadata(cached, asked.record)
+        metadata = download.cached_metadata(cached, asked.record)
         if metadata is None:
             return None
         retrieved = datetime.fromisoformat(metadata["retrieved_utc"])
@@ -436,7 +427,7 @@ def _time_faults(dataset: Dataset, asked: SubsetRequest) -> list[str]:
     """Find whether the file lacks time steps, or has others than requested."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
-    form, wanted = label_format(asked.spec), asked.steps.labels
+    form, wanted = download.label_format(asked.spec), asked.steps.labels
     labels = tuple(stamp.strftime(form) for stamp in stamps)
     if labels == wanted:
         return []

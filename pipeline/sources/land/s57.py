@@ -139,7 +139,6 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
     missing, or it violates the product specification.
     """
     pyogrio = shapes.vector_library()
-
     remedy = "fetch the cell and its updates again"
     with shapes.reading(str(base), remedy) as issued:
         shapes.require_self_contained(base)
@@ -175,7 +174,6 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
 def _identification(base: Path) -> dict[str, object]:
     """Read the cell's identification and parameters: the fields of DSID and DSPM."""
     pyogrio = shapes.vector_library()
-
     meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
     fields = {
         str(name): column[0]
@@ -190,7 +188,6 @@ def _identification(base: Path) -> dict[str, object]:
 def _refuse_other_editions(base: Path) -> None:
     """Refuse updates of another edition than their cell, with which it can't be opened."""
     pyogrio = shapes.vector_library()
-
     editions = dict[str, str]()
     for file in cell_files(base):
         meta, _, _, columns = pyogrio.raw.read(file, layer="DSID", UPDATES="IGNORE")
@@ -229,7 +226,6 @@ def _check(base: Path, identification: Mapping[str, object]) -> None:
 def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int]:
     """Read a class's objects that meet a box, valid and in its longitudes; count the repairs."""
     pyogrio = shapes.vector_library()
-
     meta, _, wkb, columns = pyogrio.raw.read(base, layer=layer, columns=list(_COLUMNS), **_OPTIONS)
     geometry = shapely.force_2d(shapely.from_wkb(wkb))
     present = np.flatnonzero(~shapely.is_missing(geometry) & ~shapely.is_empty(geometry))

@@ -304,7 +304,6 @@ def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
 def layer_name(path: Path, name: str) -> str:
     """Return the name of the layer to read."""
     pyogrio = vector_library()
-
     names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
     if not names:
         raise RequestError(

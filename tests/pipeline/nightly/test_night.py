@@ -299,5 +299,5 @@ def test_a_case_with_members_equals_a_run_of_its_season(tmp_path: Path, cluster:
             assert row[name] == getattr(metrics, name)
     figures = {name: case[name] for name in ENSEMBLE_FIGURES}
     assert figures == ensemble_figures(found, own)
-    close = "" if found.is_sure else "too close to call: "
+    close = "" if found.close == (1,) else "too close to call: "
     assert case["members_sides"] == close + side_shares(found, own)

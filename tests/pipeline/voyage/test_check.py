@@ -231,7 +231,7 @@ def test_the_times_of_a_track_are_those_that_the_file_states(tmp_path: Path) -> 
     assert [point.time for point in route.points] == [
         datetime(2026, 11, 22, hour, tzinfo=UTC) for hour in (6, 7, 7)
     ]
-    assert not route.is_by_legs
+    assert route.points[-1].curve is None
 
 
 @pytest.mark.parametrize("lat", [-89.5, -17.0, 0.0, 60.25])

@@ -159,7 +159,7 @@ def test_the_coast_is_the_sources_own(result: RunResult, tmp_path: Path) -> None
     path = tmp_path / "routes.gpkg"
     write_geopackage(replace(zoned, fetched=replace(zoned.fetched, land=land)), path)
     coast, no_go = layer(path, "coast").union_all(), layer(path, "no_go").union_all()
-    (shoal,) = zoned.shoals
+    (shoal,) = zoned.no_go_water("shoal")
     expected = shapely.union_all(result.fetched.land.polygons).difference(shoal)
     assert coast.symmetric_difference(expected).area < 1e-12
     assert no_go.area > coast.area
