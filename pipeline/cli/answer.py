@@ -22,6 +22,7 @@ _ANSWERS, _PLAIN, _USED, _OWN_LINE = (
     frozenset(KINDS[group]) for group in ("answers", "plain", "used", "own_line")
 )
 _LEAVE = re.compile(r"^Leave at [^:]+:\d\d(:\d\d)? UTC: ")
+_RANKS = re.compile(r"\b[Rr]outes? (\d+(?:, \d+)*)")
 _SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 # Where a doubt may end on its line: before what follows.
 _CLAUSE = re.compile(r"[;:,.] | \(")
@@ -50,7 +51,12 @@ def answer(outcome: Outcome, width: int | None = None, *, verbose: bool = False)
     lines += [f"  {text.capitalised(line).removesuffix('.')}." for line in firsts]
     lines = wrapped("\n".join(lines), width).splitlines()
     lines += ["", *_sides(outcome, width)]
-    doubts = [f"! {text.capitalised(doubt)}" for doubt in _doubts(outcome)]
+    shown = {str(one.rank) for case in result.cases for one in _listed(case)}
+
+    def found_in(match: re.Match[str]) -> str:
+        return match[0] + " (see report.html)" * (not {*match[1].split(", ")} <= shown)
+
+    doubts = [f"! {_RANKS.sub(found_in, text.capitalised(one))}" for one in _doubts(outcome)]
     if not verbose:
         most = max(_DOUBTS, _LINES - 3 - len(lines))
         if len(doubts) > most:
@@ -117,21 +123,21 @@ def _sides(outcome: Outcome, width: int | None) -> list[str]:
     ]
     dear = 0
     for case in outcome.result.cases:
-        seen: set[str] = set()
-        for ranked in case.routes:
-            row = ranked.metrics
-            if row.main_passage in seen:
-                continue
-            seen.add(row.main_passage)
-            if case.is_dear(row):
-                dear += 1
-            else:
-                rows.append(_row(ranked, unit))
+        listed = _listed(case)
+        rows += [_row(ranked, unit) for ranked in listed]
+        dear += len({one.metrics.main_passage for one in case.routes}) - len(listed)
     left = 2 if several else 1
     lines = table([row if several else row[1:] for row in rows], left, width)
     if dear:
         lines.append(f"{text.count(dear, 'side', 'sides')} more, at least {DEAR:.0%} dearer")
     return lines
+
+
+def _listed(case: RunCase) -> list[RankedRoute]:
+    """Return the best route on each side of a case, without sides that are much dearer."""
+    first = {one.metrics.main_passage: one.rank for one in reversed(case.routes)}
+    best = (one for one in case.routes if one.rank in first.values())
+    return [one for one in best if not case.is_dear(one.metrics)]
 
 
 def _row(ranked: RankedRoute, unit: tuple[float, str]) -> tuple[str, ...]:

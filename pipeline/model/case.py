@@ -94,7 +94,8 @@ class Water:
         if length.across is None:
             return self.projection.scale * length.metres
         margins_m = self.width_m(length.across) - self.projection.geodesic_length_m(length.across)
-        return self.projection.scale * length.metres + margins_m
+        # Of a gap along a strait the land is nearest across it: that is no margin.
+        return self.projection.scale * length.metres + max(0.0, margins_m)
 
     def to_plane(self, given: ArrayLike) -> FloatArray:
         """Return places (n, 2) as a scenario gives them in planar metres."""

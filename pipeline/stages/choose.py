@@ -270,12 +270,12 @@ def narrows_notes(
     water: Water, results: Sequence[CaseResult], options: PlannerOptions
 ) -> tuple[Note, ...]:
     """Return a note for each case whose best route is closer to land than the offing."""
-    if not options.clearance or options.narrow_share == 1.0:
+    if not options.clearance:
         return ()
     notes = (
         (one.name, _narrows(water, np.asarray(one.routes[0].path), options.clearance))
         for one in results
-        if one.routes and one.routes[0].clearance < _CLOSER * options.clearance
+        if one.routes
     )
     return tuple(note.about(name) for name, note in notes if note is not None)
 
@@ -295,15 +295,15 @@ def room_notes(
 
 def _narrows(water: Water, path: FloatArray, offing: float) -> Note | None:
     """Return a note on how far and where a path (n, 2) is closer to land than the offing."""
-    land = np.array(water.chart.no_go, dtype=object)
-    if not len(land):
+    # The chart's land has a margin, the original one goes on beyond the region's edge.
+    land = np.array([*water.chart.no_go, *water.land], dtype=object)
+    line, tree = shapely.LineString(path), shapely.STRtree(land)
+    if not len(tree.query(line, "dwithin", _CLOSER * offing)):
         return None
-    places = shapely.get_coordinates(
-        shapely.segmentize(shapely.LineString(path), _SPACING * offing)
-    )
+    places = shapely.get_coordinates(shapely.segmentize(line, _SPACING * offing))
     middles = (places[1:] + places[:-1]) / 2
     # Most of a long way is far from land: how far, takes time and tells nothing.
-    (closer, _), apart = shapely.STRtree(land).query_nearest(
+    (closer, _), apart = tree.query_nearest(
         shapely.points(middles), _CLOSER * offing, return_distance=True, all_matches=False
     )
     if not len(closer):

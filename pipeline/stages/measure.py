@@ -290,7 +290,10 @@ def land_within_reach(
     vessel: renew.Vessel,
     routes: Sequence[renew.Route],
 ) -> renew.Chart:
-    """Return a chart of only the original land that a turn from any route can reach."""
+    """Return a chart of only the original land that a turn from any route can reach.
+
+    It reaches as far as the turns, as land beyond a region's edge is met like any other.
+    """
     tables = [one.table(water.chart.bounds) for one in currents]
     vessel = water.chart.turning(vessel)
     reach = max(TurnReach.of(one, vessel).furthest.max() for one in tables)
@@ -299,7 +302,10 @@ def land_within_reach(
         shapely.buffer(paths, _BUFFER_RESERVE * float(reach), quad_segs=_QUADRANT_SEGMENTS)
     )
     near = within(np.array(water.land, dtype=object), zone)
-    return water.chart.with_no_go(extract_polygons(near))
+    around = None
+    if not water.is_planar:
+        around = shapely.box(*shapely.union(zone, water.chart.extent).bounds)
+    return water.chart.with_no_go(extract_polygons(near), extent=around)
 
 
 def _sampled(turns: renew.Contingency) -> renew.Contingency:

@@ -139,12 +139,15 @@ def reason_text(error: renew.PlanningError, case: model.Case, *, refuses: bool =
         )
     why = causes[0].text
     if error.straits:
-        gap = min(error.straits, key=lambda one: one.padding_left + one.padding_right - one.width)
+        lacks = [one.padding_left + one.padding_right - one.width for one in error.straits]
+        # A gap that lacks nothing lies along a strait, which the padding of its banks shuts.
+        best = min(range(len(lacks)), key=lambda at: (lacks[at] <= 0, lacks[at]))
+        gap = error.straits[best]
         needed = Length(gap.padding_left + gap.padding_right, gap.gap)
-        why = Text(
-            "the gap at {0} is {1} wide, and {2} are needed",
-            (gap.gap.mean(axis=0), Length(gap.width, gap.gap), needed),
-        )
+        what = "the gap at {0} is {1} wide, and {2} are needed"
+        if lacks[best] <= 0:
+            what = "the strait at {0} is shut by the padding along its banks"
+        why = Text(what, (gap.gap.mean(axis=0), Length(gap.width, gap.gap), needed))
     # The planner's text ends with what it tried.
     tried = error.text.values[-1]
     remedies = tried.values if isinstance(tried, Text) else ()

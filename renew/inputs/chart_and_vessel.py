@@ -129,10 +129,13 @@ class Chart:
         return replace(vessel, turn_rate=vessel.turn_rate * float(self.metres.min()))
 
     def with_no_go(
-        self, no_go: Iterable[Polygon], land: Iterable[Polygon] | None = None
+        self,
+        no_go: Iterable[Polygon],
+        land: Iterable[Polygon] | None = None,
+        extent: Polygon | None = None,
     ) -> "Chart":
-        """Return a chart of other no-go and land (m) in the same extent and plane."""
-        other = Chart(self.extent, no_go, land)
+        """Return a chart of other no-go and land (m), or of another extent, in the same plane."""
+        other = Chart(extent or self.extent, no_go, land)
         other.metres, other.metres_in = self.metres, self.metres_in
         return other
 

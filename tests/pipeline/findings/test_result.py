@@ -2,17 +2,20 @@
 
 import dataclasses
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 import renew
+from pipeline.cli.answer import answer
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult, continued, crossing_notes, route_unknowns
 from pipeline.geo.projection import DepthCover, Projection
 from pipeline.model import Passage, RouteMetrics, ShoreCrossing, ShutStrait, Water
 from pipeline.model.inputs import Note
+from pipeline.run import Outcome
 from pipeline.scenario.region import ChartSpec
 from pipeline.stages.measure import shore_crossings
 from tests.pipeline.formats import small_run
@@ -79,6 +82,14 @@ def test_a_current_that_is_not_known_at_all_is_reported_first() -> None:
     assert summer.gap_figure(summer.routes[0].metrics).endswith(" %")
     partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
     assert not partly.case("summer").lacks_current
+
+
+def test_a_route_that_the_table_lacks_is_named_with_where_it_is(tmp_path: Path) -> None:
+    """The table has the best route on each side, the doubts may be about others."""
+    for rank, told in ((2, "50.0 % of route 2: it"), (3, "60.0 % of route 3 (see report.html), ")):
+        result = with_shares(small_run.parts(), {1: 0.1, 2: 0.3} | {rank: 0.3 + rank / 10})
+        said = answer(Outcome(result, tmp_path, fresh=True, seconds=1.0))
+        assert f"! Summer: no current is given on 10.0 % of route 1 and {told}" in said
 
 
 def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:

@@ -15,6 +15,7 @@ from pipeline.model import Case, CaseResult, Water
 from pipeline.run import Outcome
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages import measure
+from pipeline.stages.choose import narrows_notes
 from pipeline.stages.measure import land_within_reach, measured
 from renew.inputs import options
 from renew.turns.turn_reach import TurnReach
@@ -108,6 +109,27 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     (row,) = measured(scene, season, PlannerOptions()).routes
     assert row.clearance_m == pytest.approx(clearance_m(line, islands), abs=1.0)
     assert row.length_m == pytest.approx(GEOD.line_length(*line.T), rel=1e-5)
+
+
+def test_land_beyond_a_regions_edge_counts_for_turns_and_clearance() -> None:
+    """The region ends between a route and land 2 m off it: neither is told to be safe."""
+    region = shapely.box(0.0, 0.0, 0.001, 0.001)
+    projection = Projection.for_region(region)
+    west, south, _, north = (chart := renew.Chart(projection.geometry_to_plane(region))).bounds
+    ends = np.array([[west + 1, south + 20], [west + 1, north - 20]])
+    calm = renew.UniformCurrent(0.0, 0.0)
+    plan = renew.plan(chart, calm, VESSEL, *ends, clearance=5.0)
+    found = CaseResult("still", plan, "", 1.0)
+    for off_m, is_met in ((1, True), (50, False)):
+        land = shapely.box(west - 100, south, west - off_m, north)
+        water = Water(chart, (land,), projection)
+        scene = Case("still", water, VESSEL, ends[0], ends[1], calm)
+        asked = PlannerOptions(clearance=5.0)
+        (row,) = measured(scene, found, asked).routes
+        assert (row.collisions == row.trials / 2) == is_met
+        assert bool(row.collisions) == is_met
+        notes = [dict(note.values) for note in narrows_notes(water, [found], asked)]
+        assert [one["least_m"] for one in notes] == [pytest.approx(2.0, abs=0.1)] * is_met
 
 
 def test_a_route_over_land_is_detected(planned: Planned) -> None:

@@ -25,6 +25,7 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.stages.plan_case import plan_case, planned as planned_case, reason_text
 from pipeline.stages.project import project
+from renew.errors import InfeasibleError, Strait, Text
 from tests.pipeline import chosen_speeds
 from tests.pipeline.planar_cases import case_of
 from tests.pipeline.processes import (
@@ -141,6 +142,19 @@ def test_a_refusal_has_one_reason_and_a_remedy_that_helps() -> None:
     assert found is not None
     assert 34 <= float(found[1]) <= 40
     assert plan_case(case, PlannerOptions(padding=float(found[2]), clearance=0.0)).plan is not None
+
+
+def test_a_gap_along_a_strait_is_not_told_to_be_too_narrow() -> None:
+    """Its width, along the strait, is more than is needed: another is named, if there is one."""
+    along = Strait(np.array([[10.0, 10.0], [10.0, 60.0]]), -1, 0, 1, 8.0, 8.0)
+    across = Strait(np.array([[40.0, 10.0], [40.0, 20.0]]), -1, 0, 1, 8.0, 8.0)
+    for straits, said in (
+        ((along, across), "the gap at (40, 15) m is 10.0 m wide, and 16.0 m are needed"),
+        ((along,), "the strait at (10, 35) m is shut by the padding along its banks"),
+    ):
+        error = renew.UnreachableError("{0}. To find a route: {1}", Text("all"), Text("none"))
+        error.causes, error.straits = tuple(map(InfeasibleError.at_strait, straits)), straits
+        assert reason_text(error, harbour((18, 40))).startswith(f"no way has room: {said};")
 
 
 def among_islets() -> Case:
