@@ -135,8 +135,8 @@ def _sides(outcome: Outcome, width: int | None) -> list[str]:
 
 def _listed(case: RunCase) -> list[RankedRoute]:
     """Return the best route on each side of a case, without sides that are much dearer."""
-    first = {one.metrics.main_passage: one.rank for one in reversed(case.routes)}
-    best = (one for one in case.routes if one.rank in first.values())
+    first = {one.metrics.main_passage: one for one in reversed(case.routes)}
+    best = sorted(first.values(), key=lambda one: one.rank)
     return [one for one in best if not case.is_dear(one.metrics)]
 
 

@@ -302,10 +302,10 @@ def land_within_reach(
         shapely.buffer(paths, _BUFFER_RESERVE * float(reach), quad_segs=_QUADRANT_SEGMENTS)
     )
     near = within(np.array(water.land, dtype=object), zone)
-    around = None
-    if not water.is_planar:
-        around = shapely.box(*shapely.union(zone, water.chart.extent).bounds)
-    return water.chart.with_no_go(extract_polygons(near), extent=around)
+    around = shapely.box(*shapely.union(zone, water.chart.extent).bounds)
+    return water.chart.with_no_go(
+        extract_polygons(near), extent=None if water.is_planar else around
+    )
 
 
 def _sampled(turns: renew.Contingency) -> renew.Contingency:

@@ -151,30 +151,22 @@ def is_shut_in(case: model.Case, straits: Sequence[Strait], width: float) -> boo
         *shapely.buffer(np.array(chart.no_go, dtype=object), width, quad_segs=_QUADRANT_SEGMENTS),
     ]
     parts = shapely.get_parts(shapely.difference(chart.water, shapely.union_all(shut)))
-    open_parts = [part for part in parts if _reaches_edge(part, chart)]
-    return not all(
-        shapely.intersects(
-            np.array(open_parts, dtype=object)[:, None], _legs_out(stop, chart, width)
-        ).any()
-        for stop in shapely.points(case.stops)
-    )
+    open_water = shapely.union_all([part for part in parts if _reaches_edge(part, chart)])
+    stops = shapely.points(case.stops)
+    return not all(_legs_out(one, chart, width).intersects(open_water) for one in stops)
 
 
-def _legs_out(stop: shapely.Point, chart: renew.Chart, width: float) -> Geometries:
-    """Return straight legs (n,) from a stop, as far as they cross no padding but what holds it.
-
-    They are at most twice the width of padding, m, long.
-    """
+def _legs_out(stop: shapely.Point, chart: renew.Chart, width: float) -> shapely.Geometry:
+    """Return straight legs from a stop up to padding that does not hold it, at most 2 widths."""
     edges = shapely.linestrings(edges_of(chart.no_go))
     apart = shapely.distance(edges, stop)
     others = edges[(apart > width) & (apart < 3 * width)]
-    zone = shapely.union_all(
-        [*shapely.buffer(others, width, quad_segs=_QUADRANT_SEGMENTS), *chart.no_go]
-    )
+    padding = shapely.buffer(others, width, quad_segs=_QUADRANT_SEGMENTS)
     ends = shapely.get_coordinates(stop.buffer(2 * width))
     rays = shapely.linestrings(np.stack([np.broadcast_to(stop.coords, ends.shape), ends], axis=1))
-    legs = shapely.get_parts(shapely.difference(rays, zone))
-    return np.asarray(legs[shapely.dwithin(legs, stop, chart.precision)])
+    legs = shapely.difference(rays, shapely.union_all([*padding, *chart.no_go]))
+    parts = shapely.get_parts(legs)
+    return shapely.union_all(parts[shapely.dwithin(parts, stop, chart.precision)])
 
 
 def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:
@@ -218,11 +210,6 @@ def _nearest_water(
     return distance, f"[{lon:.{_DECIMALS}f}, {lat:.{_DECIMALS}f}]"
 
 
-def area_identities(avoid: Iterable[AvoidedArea]) -> tuple[object, ...]:
-    """Return avoided areas, each with the identity of its file."""
-    return tuple((area.model_dump(mode="json"), _file(area).identity) for area in avoid)
-
-
 def avoided_zones(
     avoid: Iterable[AvoidedArea], region: shapely.Polygon, *, may_be_far: bool = False
 ) -> tuple[tuple[model.Zone, ...], tuple[model.Note, ...]]:
@@ -234,7 +221,7 @@ def avoided_zones(
     zones, notes, faults = list[model.Zone](), list[model.Note](), list[str]()
     for at, area in enumerate(avoid):
         try:
-            land = replace(_file(area), is_addition=may_be_far).land(region)
+            land = replace(area_file(area), is_addition=may_be_far).land(region)
         except RequestError as error:
             faults += [f"avoid[{at}]: {fault}" for fault in error.faults]
             continue
@@ -301,7 +288,8 @@ def shut_notes(planned: Iterable[tuple[model.Case, model.CaseResult]]) -> tuple[
     )
 
 
-def _file(area: AvoidedArea) -> VectorFile:
+def area_file(area: AvoidedArea) -> VectorFile:
+    """Return the reader of an area's file."""
     keys = area.model_dump(exclude={"from", "begin", "until"})
     return VectorFile(Path(area.path), ChartSource(**keys))
 
@@ -313,7 +301,7 @@ def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) 
 
 def fetched_plane(plane: Plane, scale: float) -> model.Fetched:
     """Return the obstacles as land, and no currents: `plane_current` reads them later."""
-    projection = _projection(scale)
+    projection = Projection.at(0.0, 0.0, scale)  # 0 N 0 E is the plane's origin
     credit = model.Credit(
         name="Obstacles of the scenario", kind="land", text=plane.credit, licence=""
     )
@@ -339,15 +327,10 @@ def unsimplified(land: model.Land) -> model.SimplifiedLand:
 def plane_water(scenario: Scenario, plane: Plane) -> model.Water:
     """Build the chart from the given metres; a detour over lon/lat would round them."""
     obstacles = tuple(map(shapely.Polygon, plane.obstacles))
-    projection = _projection(scenario.scale)
+    projection = Projection.at(0.0, 0.0, scenario.scale)
     water = model.Water(renew.Chart(plane.shape, obstacles), obstacles, projection, is_planar=True)
     check_endpoints(scenario, water)
     return water
-
-
-def _projection(scale: float) -> Projection:
-    """Return the projection whose origin, 0 N 0 E, is that of the plane."""
-    return Projection.at(0.0, 0.0, scale)
 
 
 def plane_current(season: Season, extent: shapely.Polygon) -> model.Current:

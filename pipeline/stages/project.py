@@ -88,7 +88,9 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     clocks = {season.name: season.first_departure for season in scenario.seasons}
     tide = None if scenario.tide is None else (scenario.tide, stations_of(scenario.tide))
     datum = scenario.chart.datum
-    avoid = places.area_identities(scenario.avoid)
+    avoid = [
+        (one.model_dump(mode="json"), places.area_file(one).identity) for one in scenario.avoid
+    ]
     return {**inputs, "avoid": avoid, "clocks": clocks, "tide": tide, "datum": datum}
 
 

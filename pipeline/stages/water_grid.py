@@ -89,10 +89,6 @@ class WaterGrid:
         edges = (is_land[0], is_land[-1], is_land[:, 0], is_land[:, -1])
         return any(bool(edge.any()) for edge in edges)
 
-    def bounds_of_island(self, island: int) -> Bounds:
-        """Return the bounds of an island, degrees."""
-        return self.bounds_of(np.argwhere(self.islands == island))
-
     @cached_property
     def _size(self) -> IndexArray:
         """Number of cells of each island."""
@@ -304,7 +300,8 @@ def _around_ways(
         length_m, cells = ways[-1]
         if len(ways) == 1 or length_m > longest * shortest_m:
             return None
-        return bounds_of([grid.bounds_of(cells), grid.bounds_of_island(island)])
+        own = np.argwhere(grid.islands == island)
+        return bounds_of([grid.bounds_of(cells), grid.bounds_of(own)])
 
     places = [bounds_of([direct.start, direct.goal]), grid.bounds_of(shortest_cells)]
     places += filter(None, (around(one, _LONGEST_WAY) for one in _islands_between(direct, grid)))

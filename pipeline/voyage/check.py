@@ -243,7 +243,8 @@ _SAME = 1e-4
 def checked_lines(one: CheckedRoute, route: GivenRoute) -> Iterator[str]:
     """Yield the answer for one case, in sentences."""
     row, took_s = one.given.metrics, float(one.passed_s[-1])
-    named = f" {route.name!r}" * bool(route.name)
+    # Notes call the route, and those beside it, by their numbers.
+    named = f" {route.name!r}" * bool(route.name) + f" (route {one.given.rank})"
     yield (
         f"{text.season_name(one.given.season)}: {route.form}{named}, "
         f"{text.distance(row.length_m)}, {text.duration(took_s)}, fuel {text.fuel(row.fuel, row)}"
@@ -295,6 +296,7 @@ def _compared(one: CheckedRoute) -> Iterator[str]:
             way = f", {other.metrics.way}" * bool(other.metrics.way)
             yield (
                 f"{size if abs(more) > _SAME else 'As much fuel as'} the least-fuel route "
-                f"{which} that keeps room to turn: {text.fuel(other.metrics.fuel, other.metrics)}, "
+                f"{which} that keeps room to turn (route {other.rank}): "
+                f"{text.fuel(other.metrics.fuel, other.metrics)}, "
                 f"{text.distance(other.metrics.length_m)}{way}"
             )

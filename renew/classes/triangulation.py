@@ -126,8 +126,8 @@ class Triangulation:
         """Return index of the triangle that holds a point, or -1 for a point outside the water."""
         corners = self.corners - point
         edges = np.roll(corners, -1, axis=1) - corners
-        # Signed distances to the three edges, positive inside.
-        apart = _cross(edges, -corners) / np.linalg.norm(edges, axis=2)
+        # Signed distances to the three edges, positive inside; 0 to an edge that is a point.
+        apart = _cross(edges, -corners) / np.maximum(np.linalg.norm(edges, axis=2), 1e-300)
         inside = apart.min(axis=1)
         best = int(np.argmax(inside))
         return best if inside[best] >= -_ON_EDGE * float(np.ptp(self.vertices)) else -1

@@ -507,9 +507,8 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         value = _largest(lambda tried: route_with(**{key: tried}, **fixed), most)
         # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
         safe = f"{value * (1 - 5e-4):.4g}"
-        if not value and fixed:
-            return []
-        return planned_with(f"{key} = {safe} (planar m)", **{key: float(safe)}, **fixed)
+        asked = {key: float(safe), **fixed}
+        return planned_with(f"{key} = {safe} (planar m)", **asked) if value or not fixed else []
 
     stops = [problem.triangulation.locate(stop) for stop in problem.voyage.stops]
     gaps = (widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))

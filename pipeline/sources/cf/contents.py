@@ -152,16 +152,14 @@ def _place_along(
     if dim.lower() in grids.SURFACE:
         at = grids.SURFACE[dim.lower()] % size
         return at, [Note.of("level-by-name", level=dim, at=at)]
-    if dim == "expver":
-        raise ValueError(
-            f"{array.name} has the dimension expver ({size}), and some of its times have values of "
-            "both ERA5 and ERA5T, or of neither; keep one, as with `ncks -d expver,0`"
-        )
-    raise ValueError(
-        f"{array.name} has the dimension {dim} ({size}), which is neither time, depth, latitude "
-        f"nor longitude; add its coordinate, or keep one index of it; or, of an ensemble, "
-        f"plan in all with members = {{ along = '{dim}' }}"
+    why = (
+        "which is neither time, depth, latitude nor longitude; add its coordinate, or keep one "
+        f"index of it; or, of an ensemble, plan in all with members = {{ along = '{dim}' }}"
+        if dim != "expver"
+        else "and some of its times have values of both ERA5 and ERA5T, or of neither; keep one, "
+        "as with `ncks -d expver,0`"
     )
+    raise ValueError(f"{array.name} has the dimension {dim} ({size}), {why}")
 
 
 def _unit(array: DataArray, quantity: Quantity) -> tuple[float, list[Note]]:

@@ -140,12 +140,10 @@ def _of_one_version(dataset: Dataset) -> Dataset:
     """
     for name, array in dataset.data_vars.items():
         if {"expver", "time"} <= {*array.dims}:
-            known = [
-                [bool(one.notnull().any()) for one in of]
-                for of in array.transpose("time", "expver", ...)
-            ]
-            if (np.sum(known, axis=1) == 1).all():
-                dataset[name] = array.isel(expver=("time", np.argmax(known, axis=1)))
+            steps = array.transpose("time", "expver", ...)
+            known = np.array([step.notnull().any(step.dims[1:]) for step in steps])
+            if (known.sum(axis=1) == 1).all():
+                dataset[name] = array.isel(expver=("time", known.argmax(axis=1)))
                 dataset[name].encoding["is_merged"] = True
     return dataset
 

@@ -1,6 +1,7 @@
 """`renew check-route` says of our own files what they say, and of a way over land where it lies."""
 
 import json
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -160,6 +161,7 @@ def test_a_way_across_the_island_is_named_with_place_and_metres(
     assert found["best"]["fuel"] > 0
     assert found["same_side"] is None
     assert "of its side" not in result.stdout
+    assert re.findall(r"\(route (\d)\)", result.stdout) == ["1", "2"], "as notes call them"
 
 
 def test_a_way_through_a_shut_area_says_so(folder: Path, planned: Outcome, tmp_path: Path) -> None:

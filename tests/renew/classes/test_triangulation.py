@@ -7,6 +7,7 @@ import sys
 import weakref
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, TypeAlias
@@ -310,3 +311,12 @@ def test_triangle_is_refused_where_it_is_not_installed(monkeypatch: pytest.Monke
 def test_an_unknown_backend_is_refused_with_the_known_ones() -> None:
     with pytest.raises(renew.ParameterError, match="'cgal' is not one of shapely, triangle"):
         triangulate(single_gyre().chart, "cgal")  # type: ignore[arg-type]
+
+
+def test_a_triangle_that_is_a_line_hides_no_other() -> None:
+    """On real charts two vertices of a triangle may be one point to the last digit."""
+    whole = triangulate(renew.Chart(box(0, 0, 10, 10)))
+    line = np.vstack([whole.triangles[:1], whole.triangles])
+    line[0, 1] = line[0, 0]
+    point = np.array([3.0, 5.0])
+    assert replace(whole, triangles=line).locate(point) == whole.locate(point) + 1 > 0
