@@ -28,7 +28,7 @@ from tests.robustness.power_cuts import Cuts, has_strace
 SEED = 20_261_122
 # Number of kills of the slow test: of ten, six meet the main process, three a worker, one the
 # scheduler.
-KILLS = int(os.environ.get("RENEW_NIGHT_KILLS", "20"))
+KILLS = int(os.environ.get("RENEW_NIGHT_KILLS", "10"))
 _VICTIMS: tuple[Victim, ...] = (*("main",) * 6, *("worker",) * 3, "scheduler")
 
 

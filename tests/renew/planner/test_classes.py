@@ -168,12 +168,12 @@ def test_a_request_for_less_needs_no_more_fuel(seed: int, of: int) -> None:
 def test_hardly_any_request_for_less_needs_more_fuel() -> None:
     pairs = [
         pair
-        for seed in range(0, 110, 2)
+        for seed in range(0, 110, 4)
         for requests in LESS_AND_LESS
         for pair in itertools.pairwise(fuels(seed, requests))
     ]
     dearer = [laxer / stricter for stricter, laxer in pairs if math.isfinite(stricter)]
-    assert len(dearer) > 400
+    assert len(dearer) > 200
     assert np.isfinite(dearer).all()
     assert np.mean(np.array(dearer) > 1.001) <= 0.01
 
