@@ -27,7 +27,7 @@ ROOMS = {
     "pipeline/scenario": (2_219, 37),
     "pipeline/serve": (1_675, 9),
     "pipeline/sources": (9_903, 46),
-    "pipeline/stages": (4_950, 14),
+    "pipeline/stages": (4_951, 14),
     "pipeline/voyage": (2_060, 8),
     "renew/bounds": (1_604, 8),
     "renew/classes": (2_459, 14),
