@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_086, 27),
     "pipeline/scenario": (2_219, 37),
     "pipeline/serve": (1_675, 9),
-    "pipeline/sources": (9_903, 46),
+    "pipeline/sources": (9_904, 46),
     "pipeline/stages": (4_951, 14),
     "pipeline/voyage": (2_060, 8),
     "renew/bounds": (1_604, 8),
