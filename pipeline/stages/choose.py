@@ -301,21 +301,22 @@ def _narrows(water: Water, path: FloatArray, offing: float) -> Note | None:
     if not len(tree.query(line, "dwithin", _CLOSER * offing)):
         return None
     places = shapely.get_coordinates(shapely.segmentize(line, _SPACING * offing))
-    middles = (places[1:] + places[:-1]) / 2
+    # A piece is closer where its middle is; the nearest place may be an end of the path.
+    points = np.concatenate([(places[1:] + places[:-1]) / 2, places])
     # Most of a long way is far from land: how far, takes time and tells nothing.
     (closer, _), apart = tree.query_nearest(
-        shapely.points(middles), _CLOSER * offing, return_distance=True, all_matches=False
+        shapely.points(points), _CLOSER * offing, return_distance=True, all_matches=False
     )
     if not len(closer):
         return None
     nearest, scale = int(apart.argmin()), water.projection.scale
-    length = np.linalg.norm(np.diff(places, axis=0), axis=1)[closer].sum()
+    lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
     return Note.of(
         "offing-yields",
         offing_m=offing * scale,
-        length_m=float(length) * scale,
+        length_m=float(lengths[closer[closer < len(lengths)]].sum()) * scale,
         least_m=float(apart[nearest]) * scale,
-        place=water.place(middles[closer[nearest]]),
+        place=water.place(points[closer[nearest]]),
     )
 
 

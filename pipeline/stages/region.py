@@ -388,7 +388,7 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
     Returns None if no route comes near a side, or the currents end there; see `edge_notes`.
     """
     near = sides_near(chosen.bounds, paths, chosen.direct.margin_m)
-    bounds = grown(chosen.bounds, near, chosen.direct.margin_m, chosen.limits)
+    bounds = grown(chosen.bounds, near, _GROWTH * chosen.direct.margin_m, chosen.limits)
     if bounds == chosen.bounds:
         return None
     sides = tuple(SIDES[side] for side in near)
@@ -398,7 +398,8 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
 
 def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
     """Widen a region without a way from start to goal; None if its currents reach no further."""
-    bounds = opened(chosen.bounds, chosen.direct.distance_m, chosen.limits)
+    further_m = _OPENING * chosen.direct.distance_m
+    bounds = grown(chosen.bounds, range(len(SIDES)), further_m, chosen.limits)
     if bounds == chosen.bounds:
         return None
     note = Note.of("region-opened", bounds=bounds)
@@ -441,23 +442,7 @@ def sides_near(bounds: Bounds, paths: Sequence[FloatArray], margin_m: float) -> 
     return [side for side, metres in enumerate(distances) if metres.min() < _NEAR * margin_m]
 
 
-def grown(bounds: Bounds, sides: Sequence[int], margin_m: float, limits: Bounds) -> Bounds:
-    """Move the given sides outward by twice the margin, at most to the limits.
-
-    Bounds that would hardly change are returned unchanged.
-    """
-    return _moved(bounds, sides, _GROWTH * margin_m, limits)
-
-
-def opened(bounds: Bounds, distance_m: float, limits: Bounds) -> Bounds:
-    """Move all sides outward by half the distance of the voyage, at most to the limits.
-
-    Bounds that would hardly change are returned unchanged.
-    """
-    return _moved(bounds, range(len(SIDES)), _OPENING * distance_m, limits)
-
-
-def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) -> Bounds:
+def grown(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) -> Bounds:
     """Move the given sides outward, at most to the limits, unless they would hardly move."""
     up = metres / METRES_PER_DEGREE
     widest = max(abs(bounds[1]), abs(bounds[3]))

@@ -139,11 +139,12 @@ def _of_one_version(dataset: Dataset) -> Dataset:
     That holds for variables of which each time has values of exactly one of the two.
     """
     for name, array in dataset.data_vars.items():
-        if {"expver", "time"} <= {*array.dims}:
-            steps = array.transpose("time", "expver", ...)
+        time = {"time", "valid_time"} & {*array.dims}
+        if "expver" in array.dims and time:
+            steps = array.transpose(*time, "expver", ...)
             known = np.array([step.notnull().any(step.dims[1:]) for step in steps])
             if (known.sum(axis=1) == 1).all():
-                dataset[name] = array.isel(expver=("time", known.argmax(axis=1)))
+                dataset[name] = array.isel(expver=(steps.dims[0], known.argmax(axis=1)))
                 dataset[name].encoding["is_merged"] = True
     return dataset
 

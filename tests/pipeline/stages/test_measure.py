@@ -130,6 +130,10 @@ def test_land_beyond_a_regions_edge_counts_for_turns_and_clearance() -> None:
         assert bool(row.collisions) == is_met
         notes = [dict(note.values) for note in narrows_notes(water, [found], asked)]
         assert [one["least_m"] for one in notes] == [pytest.approx(2.0, abs=0.1)] * is_met
+    # Where land is nearest at an end, the end counts, not only the middles between places.
+    land = shapely.box(west - 100, ends[0, 1] - 23, west + 50, ends[0, 1] - 3)
+    (note,) = narrows_notes(Water(chart, (land,), projection), [found], asked)
+    assert dict(note.values)["least_m"] == pytest.approx(3.0, abs=0.01)
 
 
 def test_a_route_over_land_is_detected(planned: Planned) -> None:

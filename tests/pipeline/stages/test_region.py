@@ -26,7 +26,6 @@ from pipeline.stages.region import (
     covered_by_currents,
     endpoints_on_land,
     grown,
-    opened,
     require_covered,
     require_whole_files,
     sides_near,
@@ -74,22 +73,22 @@ def test_near_is_a_share_of_the_margin_on_the_ground() -> None:
 
 
 def test_a_shut_region_opens_on_all_sides_as_far_as_the_limits_allow() -> None:
-    west, south, east, north = opened(BOUNDS, 100_000.0, WORLD)
+    west, south, east, north = grown(BOUNDS, range(4), 50_000.0, WORLD)
     assert GEOD.inv(west, 51, 10, 51)[2] == pytest.approx(50_000.0, rel=0.02)
     assert GEOD.inv(east, 51, 12, 51)[2] == pytest.approx(50_000.0, rel=0.02)
     assert GEOD.inv(11, south, 11, 50)[2] == pytest.approx(50_000.0, rel=0.02)
     assert GEOD.inv(11, north, 11, 51)[2] == pytest.approx(50_000.0, rel=0.02)
-    assert opened(BOUNDS, 100_000.0, BOUNDS) == BOUNDS
+    assert grown(BOUNDS, range(4), 50_000.0, BOUNDS) == BOUNDS
 
 
 def test_sides_move_outward_as_far_as_the_limits_allow() -> None:
-    west, south, east, north = grown(BOUNDS, [0, 3], MARGIN_M, WORLD)
+    west, south, east, north = grown(BOUNDS, [0, 3], 2 * MARGIN_M, WORLD)
     assert (south, east) == BOUNDS[1:3]
     assert GEOD.inv(west, 51, 10, 51)[2] == pytest.approx(2 * MARGIN_M, rel=0.02)
     assert GEOD.inv(11, 51, 11, north)[2] == pytest.approx(2 * MARGIN_M, rel=0.02)
-    assert grown(BOUNDS, [0, 3], MARGIN_M, (9.9, 40, 20, 51.0)) == (9.9, 50.0, 12.0, 51.0)
-    assert grown(BOUNDS, [0], MARGIN_M, (9.99, 40, 20, 51.0)) == BOUNDS
-    assert grown(BOUNDS, [], MARGIN_M, WORLD) == BOUNDS
+    assert grown(BOUNDS, [0, 3], 2 * MARGIN_M, (9.9, 40, 20, 51.0)) == (9.9, 50.0, 12.0, 51.0)
+    assert grown(BOUNDS, [0], 2 * MARGIN_M, (9.99, 40, 20, 51.0)) == BOUNDS
+    assert grown(BOUNDS, [], 2 * MARGIN_M, WORLD) == BOUNDS
 
 
 def test_a_chosen_region_holds_the_havens_that_can_be_reached(tmp_path: Path) -> None:

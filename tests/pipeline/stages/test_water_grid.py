@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from pipeline.geo.projection import METRES_PER_DEGREE, Projection
 from pipeline.sources.current_field import LandMask
 from pipeline.stages.project import extent_polygon
-from pipeline.stages.region import grown, opened
+from pipeline.stages.region import grown
 from pipeline.stages.water_grid import (
     FAR_WAY,
     DirectLine,
@@ -257,7 +257,6 @@ def test_no_margin_reaches_round_the_world_or_over_a_pole(
 ) -> None:
     bounds = (lon, max(-88.9, lat - height), lon + width, lat)
     assert is_a_chart(rounded_outward(widened_by(bounds, metres)))
-    assert is_a_chart(opened(bounds, metres, (-540.0, -89.0, 540.0, 89.0)))
     assert is_a_chart(grown(bounds, range(4), metres, (-540.0, -89.0, 540.0, 89.0)))
 
 

@@ -205,9 +205,13 @@ def with_versions(data: xr.Dataset, *filled: str) -> xr.Dataset:
     return both.where(xr.DataArray(named, dims=("time", "expver")))
 
 
-def test_era5_and_its_preliminary_times_are_one_series_and_that_is_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize("time", ["time", "valid_time"])
+def test_era5_and_its_preliminary_times_are_one_series_and_that_is_said(
+    tmp_path: Path, time: str
+) -> None:
     path = tmp_path / "era5.nc"
-    with_versions(fields("wind"), "1", "5", "5").to_netcdf(path, engine="netcdf4")
+    data = with_versions(fields("wind"), "1", "5", "5")
+    data.rename({"time": time} if time != "time" else {}).to_netcdf(path, engine="netcdf4")
     grid = read(path, WIND)
     np.testing.assert_array_equal(grid.u, expected(grid, 0))
     np.testing.assert_array_equal(grid.v, expected(grid, 1))
