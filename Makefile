@@ -87,7 +87,7 @@ compiled: $(READY)  ## the machine code of the planner
 	@$(BIN)/renew warm
 
 test-slow: $(COMPLETE) compiled  ## the slow tests
-	$(BIN)/python -m pytest -q -m slow -n $(PROCESSES) --dist worksteal --durations=40 --durations-min=10 --junitxml=build/slow-test-times.xml
+	RENEW_IS_WARM=1 $(BIN)/python -m pytest -q -m slow -n $(PROCESSES) --dist worksteal --durations=40 --durations-min=10 --junitxml=build/slow-test-times.xml
 
 # The gate draws the same examples each time. What these find becomes an @example of the test.
 test-new-examples: $(COMPLETE) compiled  ## all property tests with new examples; SEED=... draws those of a run again

@@ -258,7 +258,7 @@ def test_a_sample_of_odd_calls_is_answered_or_refused() -> None:
 
 @pytest.mark.slow
 def test_odd_calls_are_answered_or_refused() -> None:
-    found = failures(range(number("calls", 1000)), SEED)
+    found = failures(range(number("calls", 500)), SEED)
     assert not found, "\n".join(found)
 
 

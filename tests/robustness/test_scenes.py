@@ -10,7 +10,7 @@ import pytest
 from tests.commands import ran
 from tests.robustness import scenes
 
-SCENES = 1000
+SCENES = 400
 SAMPLE = 10
 
 
@@ -28,7 +28,7 @@ def test_a_sample_of_odd_scenes_is_planned_or_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_thousand_odd_scenes_are_planned_or_refused(root: Path) -> None:
+def test_many_odd_scenes_are_planned_or_refused(root: Path) -> None:
     found = outcome(root, 0, SCENES)
     assert not found["failures"], "\n".join(found["failures"])
     assert found["met"]["plan"] >= SCENES // 5
