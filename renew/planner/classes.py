@@ -505,10 +505,11 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
     def largest(key: str, **fixed: Any) -> list[Text]:  # noqa: ANN401 - as of PlanOptions
         """Say up to which value of an option, beside fixed others, there is a route."""
         value = _largest(lambda tried: route_with(**{key: tried}, **fixed), most)
+        if value is None or (not value and fixed):
+            return []
         # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
         safe = f"{value * (1 - 5e-4):.4g}"
-        asked = {key: float(safe), **fixed}
-        return planned_with(f"{key} = {safe} (planar m)", **asked) if value or not fixed else []
+        return planned_with(f"{key} = {safe} (planar m)", **{key: float(safe)}, **fixed)
 
     stops = [problem.triangulation.locate(stop) for stop in problem.voyage.stops]
     gaps = (widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
@@ -549,15 +550,17 @@ def _least_risk(route_with: Callable[..., Route | None], low: float) -> float | 
     return high
 
 
-def _largest(route_with: Callable[[float], Route | None], most: float) -> float:
-    """Return the largest width up to `most` m, to 2 %, that leaves a route; 0 if none."""
+def _largest(route_with: Callable[[float], Route | None], most: float) -> float | None:
+    """Return the largest width up to `most` m, to 2 %, that leaves a route; None if none does."""
     if not 0 < most < math.inf:
-        return 0.0
+        return None
     low, high = 0.0, most
     # Each try takes as long as a plan, and a little less than `most` is usually enough.
     tried = _NEARLY * most
-    for _ in range(_TRIES):
+    for number in range(_TRIES):
         if route_with(tried) is None:
+            if number == 0 and route_with(0.0) is None:
+                return None
             high = tried
         else:
             low = tried

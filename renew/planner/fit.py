@@ -29,8 +29,10 @@ from renew.turns.padding_model import PaddedEdges
 from renew.turns.verification import needed_padding
 from renew.voyage.voyage import Voyage
 
-# Length of the pieces into which edges are cut, in v/ω.
+# Length of the pieces into which edges are cut, in v/ω, and the largest number of them where that is
+# tiny beside the water.
 _PIECE = 1.0
+_MOST_PIECES = 2**14
 # Largest number of rounds in which padding is fitted.
 _ROUNDS = 4
 # Share of the fuel below which a round's saving is not worth another round.
@@ -160,7 +162,9 @@ def in_pieces(corridor: Corridor) -> Corridor:
     """Return the corridor with its padded edges in pieces, each with padding of its own."""
     if corridor.is_fitted:
         return corridor
-    longest = _PIECE * corridor.voyage.vessel.turning_radius
+    every = PaddedEdges.stacked(corridor.paddings)
+    length = float(np.linalg.norm(every.end - every.start, axis=1).sum())
+    longest = max(_PIECE * corridor.voyage.vessel.turning_radius, length / _MOST_PIECES)
     parts = [_numbered(edges.cut(longest)) for edges in corridor.paddings]
     return replace(corridor.with_padding(parts), is_fitted=True)
 

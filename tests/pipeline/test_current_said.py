@@ -1,6 +1,7 @@
 """Every output names the current that was planned with and its date, where its format can."""
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 from pipeline.run import run
@@ -15,7 +16,7 @@ WITHOUT_TEXT = {".waypoints"}
 def said(path: Path) -> str:
     """Return the text of a file."""
     if path.suffix == ".gpkg":
-        with sqlite3.connect(path) as opened:
+        with closing(sqlite3.connect(path)) as opened:
             return "\n".join(map(str, opened.execute("select current from routes")))
     return path.read_bytes().decode("utf-8", "replace")
 

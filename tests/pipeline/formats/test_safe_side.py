@@ -79,7 +79,7 @@ def test_a_clearance_is_rounded_down(least_m: float) -> None:
         assert shown <= least_m * SAFE
         assert shown >= 0.89 * least_m
     yields = Note.of("offing-yields", offing_m=900.0, length_m=1e3, least_m=least_m, place=PLACE)
-    assert figure(note_text(yields), "start or goal: at least ") <= least_m * SAFE
+    assert figure(note_text(yields), "beyond the region: at least ") <= least_m * SAFE
 
 
 @given(st.floats(0.06, 1e6))

@@ -105,3 +105,11 @@ def test_padding_by_triangles_is_an_option_with_its_own_figures() -> None:
     )
     with pytest.raises(renew.ParameterError, match='"adaptive", "triangle", "none"'):
         scene.plan(padding="leg")
+
+
+def test_a_vessel_that_turns_on_the_spot_is_planned_as_soon_as_any() -> None:
+    # Edges were cut into pieces of v/ω: hundreds of millions, for which there is no memory.
+    scene = random_scene(0)
+    vessel = renew.Vessel(PAPER_VESSEL.speed, 1e6, PAPER_VESSEL.length)
+    plan = renew.plan(scene.chart, scene.current, vessel, scene.start, scene.goal, classes=1)
+    assert plan.best.fuel < scene.plan(classes=1).best.fuel
