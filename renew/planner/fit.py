@@ -29,8 +29,8 @@ from renew.turns.padding_model import PaddedEdges
 from renew.turns.verification import needed_padding
 from renew.voyage.voyage import Voyage
 
-# Length of the pieces into which edges are cut, in v/ω, and the largest number of them where that is
-# tiny beside the water.
+# Length of the pieces into which edges are cut, in v/ω, and the largest number of them, where that
+# is tiny beside the water.
 _PIECE = 1.0
 _MOST_PIECES = 2**14
 # Largest number of rounds in which padding is fitted.
