@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Iterator
 from types import FrameType
 
-MAX_CPU_S = 30
+MAX_CPU_S = 20
 """Maximum CPU time of a case, s."""
 
 MAX_MEMORY_BYTES = 2 * 1024**3
