@@ -162,8 +162,7 @@ def in_pieces(corridor: Corridor) -> Corridor:
     """Return the corridor with its padded edges in pieces, each with padding of its own."""
     if corridor.is_fitted:
         return corridor
-    every = PaddedEdges.stacked(corridor.paddings)
-    length = float(np.linalg.norm(every.end - every.start, axis=1).sum())
+    length = sum(np.linalg.norm(one.end - one.start, axis=1).sum() for one in corridor.paddings)
     longest = max(_PIECE * corridor.voyage.vessel.turning_radius, length / _MOST_PIECES)
     parts = [_numbered(edges.cut(longest)) for edges in corridor.paddings]
     return replace(corridor.with_padding(parts), is_fitted=True)
