@@ -34,7 +34,7 @@ ROOMS = {
     "renew/inputs": (2_289, 24),
     "renew/kernels": (2_428, 19),
     "renew/paths": (1_856, 9),
-    "renew/planner": (4_199, 16),
+    "renew/planner": (4_198, 16),
     "renew/steering": (898, 1),
     "renew/turns": (1_652, 13),
     "renew/underway": (2_262, 13),
