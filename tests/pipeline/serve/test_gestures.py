@@ -174,7 +174,9 @@ def test_a_fault_is_at_its_field_with_its_remedy(open_page: Open, server: Server
     expect(page.locator("#start")).to_be_focused()
     expect(page.locator("#start + .told")).to_contain_text("lies on land")
     page.unroute("**/api/plan")
-    page.get_by_role("button", name="Move it to the nearest water, 620 m").click()
+    with page.expect_response("**/api/plan") as asked:
+        page.get_by_role("button", name="Move it to the nearest water, 620 m").click()
+    assert asked.value.status == 202
     assert page.input_value("#start") == "35.00100N 39.99000W"
     expect(page.locator(".told")).to_have_count(0)
 

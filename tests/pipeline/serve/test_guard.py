@@ -3,13 +3,12 @@
 import socket
 from collections.abc import Iterator
 from http.cookies import SimpleCookie
-from pathlib import Path
 
 import pytest
 
 from pipeline.serve.guard import MAX_BODY_BYTES
 from pipeline.serve.plans import MAX_FILE_BYTES
-from tests.pipeline.serve.client import VOYAGE, Server
+from tests.pipeline.serve.client import VOYAGE, Server, serving
 
 PATHS = (
     *("/", "/static/page.js", "/api/plan", "/api/catalogue", "/api", "/api/openapi.json"),
@@ -17,13 +16,13 @@ PATHS = (
 )
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _nothing_planned(server: Server) -> Iterator[None]:
-    for plan in server.ask("GET", "/api/plan").json:  # of the tests before
-        server.ended(plan["id"])
-    before = server.ask("GET", "/api/plan").json
-    yield
-    assert server.ask("GET", "/api/plan").json == before, "something was planned"
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory, rehearsed: None) -> Iterator[Server]:
+    """A server of its own: what a page asked another for may still be under way."""
+    del rehearsed
+    with serving(tmp_path_factory.mktemp("guard") / "outputs") as server:
+        yield server
+        assert server.ask("GET", "/api/plan").json == [], "something was planned"
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -163,11 +162,11 @@ def test_a_file_that_is_too_large_is_refused_and_nothing_is_left(server: Server)
         *("a%00b", "a%0ab", "%2e%2e%2fx", "", "x" * 101, "a;b", "$(id)", "%F0%9F%9A%80", "a'b"),
     ],
 )
-def test_the_name_of_a_file_has_no_path(server: Server, name: str, tmp_path: Path) -> None:
-    before = sorted(tmp_path.parent.rglob("*"))
+def test_the_name_of_a_file_has_no_path(server: Server, name: str) -> None:
+    before = sorted(server.output.parent.rglob("*"))
     plain = name.replace("\\", "%5C").replace("'", "%27")
     assert server.ask("POST", f"/api/files?name={plain}", b"content").status == 422
-    assert sorted(tmp_path.parent.rglob("*")) == before
+    assert sorted(server.output.parent.rglob("*")) == before
 
 
 @pytest.mark.parametrize(
