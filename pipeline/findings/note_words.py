@@ -164,7 +164,7 @@ def _water_shut_for_hours(
     shut = f"shut {_first(times, ', ', '3', ' and # more times')}"
     return (
         f"{share:.1%} of the water is shut for some hours by a current as fast as the vessel "
-        f"({speed_m_s:g} m/s); where it is strongest, up to {text.rounded_up(most_m_s, 2):g} m/s "
+        f"({speed_m_s:.3g} m/s); where it is strongest, up to {text.rounded_up(most_m_s, 2):g} m/s "
         f"at {place.text}, {shut if times else 'before the vessel departs'}: routes are the best "
         "without waiting"
     )

@@ -14,7 +14,7 @@ from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.lanes import keeping_lanes
 from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
-from renew.errors import Duration, Length, ShutStartError, Text, TooLateError
+from renew.errors import Duration, InfeasibleError, Length, ShutStartError, Text, TooLateError
 from renew.request import Request
 from renew.results import Step, watched
 
@@ -138,11 +138,12 @@ def reason_text(error: renew.PlanningError, case: model.Case, *, refuses: bool =
             "currents that reach further, in a scenario raise its max_hours, or depart earlier"
         )
     why = causes[0].text
-    if error.straits:
-        lacks = [one.padding_left + one.padding_right - one.width for one in error.straits]
+    straits = [one.strait for one in causes if isinstance(one, InfeasibleError) and one.strait]
+    if straits:
+        lacks = [one.padding_left + one.padding_right - one.width for one in straits]
         # A gap that lacks nothing lies along a strait, which the padding of its banks shuts.
         best = min(range(len(lacks)), key=lambda at: (lacks[at] <= 0, lacks[at]))
-        gap = error.straits[best]
+        gap = straits[best]
         needed = Length(gap.padding_left + gap.padding_right, gap.gap)
         what = "the gap at {0} is {1} wide, and {2} are needed"
         if lacks[best] <= 0:

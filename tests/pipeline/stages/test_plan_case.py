@@ -155,6 +155,9 @@ def test_a_gap_along_a_strait_is_not_told_to_be_too_narrow() -> None:
         error = renew.UnreachableError("{0}. To find a route: {1}", Text("all"), Text("none"))
         error.causes, error.straits = tuple(map(InfeasibleError.at_strait, straits)), straits
         assert reason_text(error, harbour((18, 40))).startswith(f"no way has room: {said};")
+        # Another class, which something else shuts, is not named in its place.
+        error.causes, error.straits = (InfeasibleError("no turn"), *error.causes), ()
+        assert reason_text(error, harbour((18, 40))).startswith(f"no way has room: {said};")
 
 
 def among_islets() -> Case:
