@@ -126,10 +126,10 @@ class ChartSource(_VectorKeys):
 
     @property
     def is_s57(self) -> bool:
-        """Whether its path is an S-57 cell, or a folder of them."""
+        """Whether its path is an S-57 cell, an update of one, or a folder of them."""
         path = Path(self.path)
         return bool(self.path) and (
-            path.suffix == ".000" or (path.is_dir() and path.suffix != ".gdb")
+            path.suffix[1:].isdecimal() or (path.is_dir() and path.suffix != ".gdb")
         )
 
 

@@ -15,6 +15,7 @@ known to lie deep enough. Where cells overlap, the larger scale takes precedence
 import glob
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -54,6 +55,8 @@ DATUMS: dict[str, str] = _TABLE["datums"]
 # Number of files in a folder of charts above which it is not searched: all cells of the world and
 # their updates are some 100,000.
 _MAX_FILES = 200_000
+# Name of a cell's base file or update.
+_UPDATE = re.compile(r"[A-Z0-9]{8}\.\d{3}", re.ASCII)
 # Value of CATCOV for the area in which the cell has data.
 _COVERED = 1
 
@@ -109,13 +112,14 @@ class Cell:
 
 
 def base_files(path: Path) -> tuple[Path, ...]:
-    """Find the base files (.000) of all cells in a folder and below it, or the one given.
+    """Find the base files (.000) of all cells in a folder and below it, or that of the file given.
 
-    Raises RequestError if the folder holds too many files to be one of charts.
+    Raises RequestError if the folder holds too many files to be one of charts, or updates of a cell
+    that is not beside them, which would not be applied.
     """
     if not path.is_dir():
-        return (path,) if path.suffix == ".000" else ()
-    bases: list[Path] = []
+        return (path.with_suffix(".000"),)
+    bases, lone = list[Path](), list[str]()
     count = 0
     for folder, _, names in os.walk(path):
         count += len(names)
@@ -124,6 +128,13 @@ def base_files(path: Path) -> tuple[Path, ...]:
                 f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
             )
         bases += [Path(folder, name) for name in names if name.endswith(".000")]
+        lone += [
+            f"{Path(folder, name)} updates a cell that is not beside it: put {name[:-4]}.000 and "
+            "its updates into one folder"
+            for name in sorted(names)
+            if _UPDATE.fullmatch(name) and f"{name[:-4]}.000" not in names
+        ]
+    refuse_any(lone)
     return tuple(sorted(bases))
 
 
@@ -553,5 +564,6 @@ def find_cells(path: Path) -> tuple[Path, ...]:
     twice = [name for name, count in Counter(file.stem for file in bases).items() if count > 1]
     where = f"in {path}; keep the latest"
     refuse_any([f"cell {name} is there more than once {where}" for name in twice])
-    require_readable((file for base in bases for file in cell_files(base)), "chart.source")
+    files = (file for base in bases for file in (base, *cell_files(base)))
+    require_readable(files, "chart.source")
     return bases

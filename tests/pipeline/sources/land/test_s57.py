@@ -21,7 +21,7 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
-from pipeline.sources.land.s57 import Cell, Objects, S57Chart, base_files, read_cell
+from pipeline.sources.land.s57 import Cell, Objects, S57Chart, base_files, find_cells, read_cell
 from pipeline.sources.registry import land_source
 from pipeline.stages.lanes import against_lanes
 from tests.pipeline.results import rows_of
@@ -237,6 +237,17 @@ def test_no_cell_and_repeated_cells_are_refused(boston: Path, tmp_path: Path) ->
     shutil.copyfile(boston / "US5BOSCD.000", again / "US5BOSCD.000")
     with pytest.raises(RequestError, match="cell US5BOSCD is there more than once"):
         S57Chart(boston, RULE).land(BOSTON)
+
+
+def test_updates_without_their_cell_beside_them_are_refused(boston: Path) -> None:
+    (update,) = boston.glob("US5BOSCD.005")
+    assert base_files(update) == (boston / "US5BOSCD.000",)
+    (boston / "5").mkdir()
+    update.rename(boston / "5" / update.name)
+    with pytest.raises(RequestError, match=r"5/US5BOSCD\.005 updates a cell that is not beside"):
+        find_cells(boston)
+    with pytest.raises(RequestError, match=r"5/US5BOSCD\.000 does not exist"):
+        find_cells(boston / "5" / update.name)
 
 
 def test_cells_are_found_below_the_folder(boston: Path) -> None:
