@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
 from pipeline.errors import StageError, one_line
-from pipeline.machine.interpreters import SAFE_PATH, cores
+from pipeline.machine.interpreters import SAFE_PATH, cores, seldom_collecting
 
 _ROOT = Path(__file__).resolve().parents[2]
 _MAIN = "from pipeline.machine.workers import main; main()"
@@ -353,8 +353,9 @@ def main() -> None:
     sys.stdout = sys.stderr  # which is kept for messages
     _pipe.append(Connection(number))
     threading.Thread(target=_take_calls, daemon=True).start()
-    while True:
-        _make(_calls.get())
+    with seldom_collecting():  # or that takes a tenth of the time of a compilation
+        while True:
+            _make(_calls.get())
 
 
 def _take_calls() -> None:

@@ -28,7 +28,7 @@ from pipeline.formats.figures.map_marks import speed_limits
 from pipeline.formats.report.map_data import map_data
 from pipeline.formats.report.page import shown_choices
 from pipeline.geo.projection import METRES_PER_DEGREE
-from pipeline.machine.interpreters import give_back_memory, seldom_collecting
+from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.workers import Worker, WorkerEndedError, is_call_waiting, tell
 from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
@@ -139,25 +139,23 @@ async def _readable(descriptor: int) -> None:
 
 def get_ready() -> None:
     """Load all libraries, send "ready", and load the machine code while no voyage waits."""
-    with seldom_collecting():
-        load_libraries()
-        _tell({"event": "ready"})
-        if not is_call_waiting() and not is_cold():
-            for half in range(2):  # so that the first plan need not load the machine code
-                rehearse_half(half)
+    load_libraries()
+    _tell({"event": "ready"})
+    if not is_call_waiting() and not is_cold():
+        for half in range(2):  # so that the first plan need not load the machine code
+            rehearse_half(half)
 
 
 def answer_request(asked: Mapping[str, Any]) -> None:
     """Plan or prepare the voyage of a request, and send events on its progress."""
-    with seldom_collecting():
-        if asked["prepares"]:
-            with contextlib.suppress(Exception):  # the voyage's own plan reports what fails
-                request, scenario, _ = _scenario(asked)
-                require_sailable(scenario)
-                prepare(scenario, request.output, offline=request.offline)
-            _tell({"event": "prepared"})
-        else:
-            _plan(asked)
+    if asked["prepares"]:
+        with contextlib.suppress(Exception):  # the voyage's own plan reports what fails
+            request, scenario, _ = _scenario(asked)
+            require_sailable(scenario)
+            prepare(scenario, request.output, offline=request.offline)
+        _tell({"event": "prepared"})
+    else:
+        _plan(asked)
     gc.collect()
     give_back_memory()
 
