@@ -15,19 +15,8 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
+from renew import errors
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.errors import (
-    GeometryError,
-    Moment,
-    ParameterError,
-    Text,
-    as_floats,
-    check_kind,
-    from_until,
-    is_finite,
-    is_number,
-    shown,
-)
 from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.tide import Tide
 
@@ -65,7 +54,7 @@ class Opening(ABC):
         """Return its spells (n, 2), s, in which it is shut, at least those from begin to end."""
 
     @abstractmethod
-    def text(self, departure: float) -> Text:
+    def text(self, departure: float) -> errors.Text:
         """Name it with its hours, for a message on a voyage from `departure` (s)."""
 
 
@@ -98,9 +87,9 @@ class ShutArea(Opening):
         """Refuse a polygon that is not valid, and hours that are not in order."""
         check_area(f"area {self.name!r}", self.polygon)
         hours = self.begin, self.end
-        if not (all(map(is_number, hours)) and self.begin < self.end):
-            begin, end = map(shown, hours)
-            raise ParameterError(
+        if not (all(map(errors.is_number, hours)) and self.begin < self.end):
+            begin, end = map(errors.shown, hours)
+            raise errors.ParameterError(
                 f"area {self.name!r} is shut from {begin} until {end} s; the end must come after "
                 "the beginning"
             )
@@ -122,12 +111,12 @@ class ShutArea(Opening):
         """Return the one spell (1, 2), s, in which it is shut."""
         return np.array([[self.begin, self.end]])
 
-    def text(self, departure: float) -> Text:  # noqa: ARG002 - as of a tidal area
+    def text(self, departure: float) -> errors.Text:  # noqa: ARG002 - as of a tidal area
         """The area with its hours, for a message on a voyage from `departure` (s)."""
-        name = Text(f"area {self.name!r}" if self.name else "an area")
+        name = errors.Text(f"area {self.name!r}" if self.name else "an area")
         if self.is_always_shut:
-            return Text("{0}, always shut", (name,))
-        return Text("{0}, which is shut{1}", (name, from_until(self.begin, self.end)))
+            return errors.Text("{0}, always shut", (name,))
+        return errors.Text("{0}, which is shut{1}", (name, errors.from_until(self.begin, self.end)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,14 +130,14 @@ class OverLimit(ShutArea):
     most: float = math.inf
     unit: str = "m"
 
-    def text(self, departure: float) -> Text:  # noqa: ARG002 - as of a tidal area
+    def text(self, departure: float) -> errors.Text:  # noqa: ARG002 - as of a tidal area
         """The water with its hours, for a message on a voyage from `departure` (s)."""
-        hours = from_until(self.begin, self.end)
+        hours = errors.from_until(self.begin, self.end)
         if math.isinf(self.most):
-            return Text(f"water with unknown {self.name}{{0}}", (hours,))
+            return errors.Text(f"water with unknown {self.name}{{0}}", (hours,))
         # Rounded up, so that it is never said to be at its limit.
         most = math.ceil(10 * self.most) / 10
-        return Text(f"water with {self.name} of up to {most:.1f} {self.unit}{{0}}", (hours,))
+        return errors.Text(f"water with {self.name} of up to {most:.1f} {self.unit}{{0}}", (hours,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,18 +232,18 @@ class TidalArea(Opening):
         """Return the spells (n, 2), s, of too little water that overlap `begin` to `end` (s)."""
         return self.tide.too_low(self.need, begin, end)
 
-    def text(self, departure: float) -> Text:
+    def text(self, departure: float) -> errors.Text:
         """The area with its next hours of enough water, for a voyage from `departure` (s)."""
         name = f"area {self.name!r}, which" if self.name else "water that"
         text = f"{name} needs {math.ceil(100 * self.need) / 100:.2f} m of tide"
         hours = self.next_hours(departure)
         if hours is None:
             highest = math.ceil(100 * self.tide.highest(departure, departure + _NEXT)) / 100
-            return Text(
+            return errors.Text(
                 f"{text} (no more than {highest:.2f} m can be relied on until {{0}})",
-                (Moment(departure + _NEXT),),
+                (errors.Moment(departure + _NEXT),),
             )
-        return Text(f"{text} (there is enough{{0}})", (from_until(*hours),))
+        return errors.Text(f"{text} (there is enough{{0}})", (errors.from_until(*hours),))
 
     def next_hours(self, time: float) -> tuple[float, float] | None:
         """Return begin and end (s) of the hours of enough water around a time (s), or next to it.
@@ -274,11 +263,13 @@ class TidalArea(Opening):
 def check_area(name: str, polygon: object) -> None:
     """Refuse anything but a valid polygon (m); the error names the area."""
     if not isinstance(polygon, Polygon | MultiPolygon) or polygon.is_empty:
-        raise GeometryError(f"{name} must be a non-empty polygon, not {shown(polygon)}")
+        raise errors.GeometryError(
+            f"{name} must be a non-empty polygon, not {errors.shown(polygon)}"
+        )
     if not np.isfinite(shapely.get_coordinates(polygon)).all():
-        raise GeometryError(f"{name} has coordinates that are not finite")
+        raise errors.GeometryError(f"{name} has coordinates that are not finite")
     if not polygon.is_valid:
-        raise GeometryError(
+        raise errors.GeometryError(
             f"{name} is not valid: {shapely.is_valid_reason(polygon)}. Mend with shapely.make_valid"
         )
 
@@ -360,7 +351,7 @@ class TidalDepth:
 
     def __post_init__(self) -> None:
         """Refuse areas, needs and tides that do not fit each other."""
-        count, needs = len(self.areas), as_floats("depth.needs", self.needs)
+        count, needs = len(self.areas), errors.as_floats("depth.needs", self.needs)
         faults = []
         if needs.shape != (count,) or not np.isfinite(needs).all():
             faults.append(f"depth.needs must be {count} finite heights (m), one for each area")
@@ -370,14 +361,16 @@ class TidalDepth:
             faults.append(f"depth.names has {len(self.names)} names for {count} areas")
         for name, unit in (("surge", "m"), ("lag", "s")):
             value = getattr(self, name)
-            if not (is_finite(value) and value >= 0):
-                faults.append(f"depth.{name} = {shown(value)} {unit} must be finite, 0 or more")
+            if not (errors.is_finite(value) and value >= 0):
+                faults.append(
+                    f"depth.{name} = {errors.shown(value)} {unit} must be finite, 0 or more"
+                )
         if faults:
-            raise ParameterError("; ".join(faults))
+            raise errors.ParameterError("; ".join(faults))
         for at, area in enumerate(self.areas):
             check_area(f"depth.areas[{at}]", area)
         for at, tide in enumerate([] if isinstance(self.tide, Tide) else self.tide):
-            check_kind(f"depth.tide[{at}]", tide, Tide)
+            errors.check_kind(f"depth.tide[{at}]", tide, Tide)
 
     @cached_property
     def tidal_areas(self) -> tuple[TidalArea, ...]:
@@ -483,15 +476,15 @@ class Haven:
         faults = []
         if not str(self.name).strip():
             faults.append("its name is empty")
-        place = as_floats("place", self.place)
+        place = errors.as_floats("place", self.place)
         if place.shape != (2,) or not np.isfinite(place).all():
-            faults.append(f"place = {shown(self.place)} must be two finite numbers (m)")
+            faults.append(f"place = {errors.shown(self.place)} must be two finite numbers (m)")
         hours = (self.opens, self.closes)
-        if not (all(map(is_number, hours)) and self.opens < self.closes):
+        if not (all(map(errors.is_number, hours)) and self.opens < self.closes):
             faults.append(
-                f"opens = {shown(self.opens)} s must be a time before closes = "
-                f"{shown(self.closes)} s"
+                f"opens = {errors.shown(self.opens)} s must be a time before closes = "
+                f"{errors.shown(self.closes)} s"
             )
         if faults:
-            raise ParameterError(f"haven {shown(self.name)}: " + "; ".join(faults))
+            raise errors.ParameterError(f"haven {errors.shown(self.name)}: " + "; ".join(faults))
         object.__setattr__(self, "place", place)

@@ -19,13 +19,8 @@ from renew.classes.dual_graph import visits
 from renew.errors import InfeasibleError
 from renew.kernels.current_table import velocities
 from renew.kernels.ground_speed import chosen_speeds
+from renew.paths import least_fuel_path
 from renew.paths.corridor import Corridor
-from renew.paths.least_fuel_path import (
-    path_near,
-    path_through_close_sections,
-    path_through_sections,
-    refined_path,
-)
 from renew.planner.narrow_water import growable
 from renew.planner.problem import Problem
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified_in_places
@@ -152,12 +147,12 @@ def attempts(
         yield partial(_refined, corridor, near)
     if growth.problem.falls_short:
         yield partial(path_from, corridor, near_rough, growth)
-        yield partial(path_from, corridor, path_through_close_sections, growth)
+        yield partial(path_from, corridor, least_fuel_path.path_through_close_sections, growth)
         return
     for crab in dict.fromkeys((corridor.polar.crab, True)):
         own = replace(corridor, polar=corridor.polar._replace(crab=crab))
         yield partial(_near_rough_or_bulging, own, growth)
-        for rough in (_bulging, path_through_sections):
+        for rough in (_bulging, least_fuel_path.path_through_sections):
             yield partial(path_from, own, rough, growth)
 
 
@@ -229,17 +224,17 @@ def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
 
 def near_rough(corridor: Corridor) -> FloatArray:
     """Return the rough path (n, 2) near the path by which the class was found."""
-    return path_near(corridor, corridor.rough_path)
+    return least_fuel_path.path_near(corridor, corridor.rough_path)
 
 
 def _bulging(corridor: Corridor) -> FloatArray:
     """Return the rough path (n, 2) near the best path within the channel."""
-    return path_near(corridor, path_through_sections(corridor))
+    return least_fuel_path.path_near(corridor, least_fuel_path.path_through_sections(corridor))
 
 
 def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
     """Return the corridor, and the least-fuel path (n, 2) near a rough one."""
-    return corridor, refined_path(corridor, rough)
+    return corridor, least_fuel_path.refined_path(corridor, rough)
 
 
 # Maximum number of times that padding is increased where a path can't be steered.
@@ -274,7 +269,7 @@ def steered_with_room(
     for _ in range(_MAX_WIDENINGS):
         try:
             if first is not None:
-                tried = refined_path(used, tried)
+                tried = least_fuel_path.refined_path(used, tried)
             return steered_as_it_is(used, tried)
         except InfeasibleError as error:
             first = first or error

@@ -21,19 +21,8 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from renew import errors
 from renew._types import FloatArray, IntArray
-from renew.errors import (
-    GoalInNoGoError,
-    InfeasibleError,
-    Moment,
-    PlanningError,
-    ShutStartError,
-    StartInNoGoError,
-    Text,
-    TooLateError,
-    UnreachableError,
-    from_until,
-)
 from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.openings import Opening, OverLimit, polygons_of
 from renew.planner.classes import no_class_error, plan_classes
@@ -80,9 +69,9 @@ def or_with_shortfall(request: Request, plan: Callable[[Request], _T]) -> _T:
     options = request.options
     try:
         return plan(request)
-    except UnreachableError as error:
-        is_late = error.causes and all(isinstance(one, TooLateError) for one in error.causes)
-        if is_late or isinstance(error, ShutStartError) or not options.may_fall_short:
+    except errors.UnreachableError as error:
+        is_late = error.causes and all(isinstance(one, errors.TooLateError) for one in error.causes)
+        if is_late or isinstance(error, errors.ShutStartError) or not options.may_fall_short:
             raise
     return plan(replace(request, falls_short=True))
 
@@ -148,18 +137,18 @@ def check_start_open(request: Request, departure: float) -> None:
     if opens < math.inf:
         remedy = "Depart after {2}"
     named = _named(shut, departure)
-    opening = [Moment(opens)] * (opens < math.inf)
-    raise ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, *opening)
+    opening = [errors.Moment(opens)] * (opens < math.inf)
+    raise errors.ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, *opening)
 
 
 def meetings(
     route: Route, areas: Sequence[Opening], planner: ClassPlanner
-) -> dict[Opening, InfeasibleError]:
+) -> dict[Opening, errors.InfeasibleError]:
     """Return the areas that the vessel may enter on a route while they are shut, with reasons."""
     if not areas:
         return {}
     voyage = planner.problem.voyage.leaving(float(route.times[0]))
-    found = dict[Opening, InfeasibleError]()
+    found = dict[Opening, errors.InfeasibleError]()
     for points, passed in _lines(route, voyage.vessel):
         early, late = voyage.early_and_late(passed)
         begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
@@ -171,11 +160,11 @@ def meetings(
             near = np.sort(leg[which == at])
             met = near[shut[at].is_shut(begin[near], end[near])]
             if len(met) and shut[at] not in found:
-                found[shut[at]] = InfeasibleError(
+                found[shut[at]] = errors.InfeasibleError(
                     "near {0} the vessel, or a turn that it begins, may be in {1},{2}",
                     points[met[0]],
                     shut[at].text(voyage.departure),
-                    from_until(float(begin[met].min()), float(end[met].max())),
+                    errors.from_until(float(begin[met].min()), float(end[met].max())),
                 )
     return {area: found[area] for area in areas if area in found}
 
@@ -307,7 +296,7 @@ def _plan_along(request: Request, way: TimedWay) -> Plan | None:
         try:
             planner = planner_of(request, closed)
             plan = plan_classes(planner, 1)
-        except PlanningError:
+        except errors.PlanningError:
             break
         if not plan.routes:
             break
@@ -373,11 +362,11 @@ def plan_around(
     open_areas, closed = list(areas), list[Opening]()
     plans: list[Plan] = []
     met: dict[Opening, float] = {}
-    failure: PlanningError | None = None
+    failure: errors.PlanningError | None = None
     while True:
         try:
             found, planner = plan(closed)
-        except PlanningError as error:
+        except errors.PlanningError as error:
             if not closed:
                 raise
             failure = error
@@ -398,20 +387,22 @@ def plan_around(
 
 
 def unavoidable(
-    closed: Sequence[Opening], departure: float, failure: PlanningError | None
-) -> UnreachableError:
+    closed: Sequence[Opening], departure: float, failure: errors.PlanningError | None
+) -> errors.UnreachableError:
     """Return the error if every way meets a shut area, and no way leads around the areas.
 
     The error gives the areas' hours from a departure (s) on.
     """
     # Of the reasons of many classes one is enough; an end inside an area is told with the area.
-    causes = failure.causes if isinstance(failure, UnreachableError) else ()
-    around = Text("")
-    if failure is not None and not isinstance(failure, (StartInNoGoError, GoalInNoGoError)):
-        around = Text("; around them: {0}", ((causes[0] if causes else failure).text,))
+    causes = failure.causes if isinstance(failure, errors.UnreachableError) else ()
+    around = errors.Text("")
+    if failure is not None and not isinstance(
+        failure, (errors.StartInNoGoError, errors.GoalInNoGoError)
+    ):
+        around = errors.Text("; around them: {0}", ((causes[0] if causes else failure).text,))
     is_weather = any(isinstance(area, OverLimit) for area in closed)
     otherwise = "" if is_weather else ", or let the area be entered"
-    return UnreachableError(
+    return errors.UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after"
         f"{otherwise}",
         _named(closed, departure),
@@ -419,11 +410,11 @@ def unavoidable(
     )
 
 
-def _named(areas: Sequence[Opening], departure: float) -> Text:
+def _named(areas: Sequence[Opening], departure: float) -> errors.Text:
     """Name the first of some areas with their hours from a departure (s) on."""
     # Many areas of a chart share a name and a needed height of tide.
     each = {str(text): text for text in (area.text(departure) for area in areas)}
-    return Text.joined("; ", list(each.values())[:_MOST_NAMED])
+    return errors.Text.joined("; ", list(each.values())[:_MOST_NAMED])
 
 
 def with_least_water(plan: Plan, request: Request) -> Plan:

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from renew import errors
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import FuelBound
 from renew.classes.class_enumerator import ClassEnumerator
@@ -20,17 +21,6 @@ from renew.classes.triangulation import (
     overpowered_water,
     triangulate,
     triangulation_of,
-)
-from renew.errors import (
-    CurrentTooStrongError,
-    GoalInNoGoError,
-    Moment,
-    ParameterError,
-    PlanningError,
-    StartInNoGoError,
-    Text,
-    UnreachableError,
-    ViaInNoGoError,
 )
 from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.current import CurrentField
@@ -243,7 +233,7 @@ class Problem:
         order, water = self.options.order, self.triangulation
         try:
             return ClassEnumerator.of(voyage, water, rays, order, clearance + slack)
-        except UnreachableError:
+        except errors.UnreachableError:
             if self.adrift_water is not None:
                 way = self.without_adrift.scout(0.0).channels(1)[0]
                 raise self.adrift_water.no_way(way.rough_path(voyage.start, voyage.goal)) from None
@@ -311,9 +301,13 @@ def check_endpoints(voyage: Voyage) -> None:
     """Refuse stops that are not in the water, all at once, and a departure without a current."""
     chart, stops = voyage.chart, voyage.stops
     names = ["start", *(f"via[{at}]" for at in range(len(voyage.via))), "goal"]
-    kinds = [StartInNoGoError, *[ViaInNoGoError] * len(voyage.via), GoalInNoGoError]
+    kinds = [
+        errors.StartInNoGoError,
+        *[errors.ViaInNoGoError] * len(voyage.via),
+        errors.GoalInNoGoError,
+    ]
     faults, places = list[str](), list[FloatArray]()
-    error: type[PlanningError] | None = None
+    error: type[errors.PlanningError] | None = None
     for name, kind, point in zip(names, kinds, stops, strict=True):
         if off := off_water(point, chart):
             where, nearest = off[0], off[1].round(3)
@@ -327,7 +321,7 @@ def check_endpoints(voyage: Voyage) -> None:
         if math.dist(point, following) <= chart.precision:
             faults.append(f"{before} and {after} are the same point {{{len(places)}}}; move one")
             places.append(point)
-            error = error or ParameterError
+            error = error or errors.ParameterError
     if error is not None:
         raise error("; ".join(faults), *places)
     check_departures(voyage.current, (voyage.departure,))
@@ -338,9 +332,9 @@ def check_departures(current: CurrentField, departures: Sequence[float]) -> None
     first, last = current.span
     for departure in departures:
         if not first <= departure < last:
-            raise ParameterError(
+            raise errors.ParameterError(
                 "departure = {0} lies outside the times for which the current is known, {1} to {2}",
-                *(Moment(float(one)) for one in (departure, first, last)),
+                *(errors.Moment(float(one)) for one in (departure, first, last)),
             )
 
 
@@ -357,7 +351,7 @@ def check_pace(voyage: Voyage) -> None:
         return
     change = float(np.quantile(changes(voyage.table), 0.5, method="lower"))
     if change > limit:
-        raise ParameterError(
+        raise errors.ParameterError(
             f"the current changes by {change:.3g} m/s each second; more than {limit:.3g} m/s a "
             f"second can't be followed by a vessel of "
             f"{vessel.speed:.3g} m/s that turns by {math.degrees(vessel.turn_rate):.3g}° a second. "
@@ -375,7 +369,7 @@ def check_current_at_endpoints(voyage: Voyage) -> None:
     for name, point in ends:
         strength = float(np.linalg.norm(voyage.current.velocity(point, voyage.departure)))
         if strength >= voyage.vessel.speed:
-            raise CurrentTooStrongError(
+            raise errors.CurrentTooStrongError(
                 f"the current at the {name} runs at {strength:.3g} m/s; the vessel makes "
                 f"{voyage.vessel.speed:.3g} m/s through water{{0}}. Take a faster vessel or "
                 f"another {name}",
@@ -383,12 +377,12 @@ def check_current_at_endpoints(voyage: Voyage) -> None:
             )
 
 
-def _until(voyage: Voyage, point: FloatArray) -> Text:
+def _until(voyage: Voyage, point: FloatArray) -> errors.Text:
     """Say until when the current at a point (2,) stays as strong as the vessel; empty if always."""
     if voyage.current.is_steady:
-        return Text("")
+        return errors.Text("")
     begin, speed = voyage.departure, voyage.vessel.speed
     end = overpowered_spells(voyage.table, point, speed, begin, begin)[:, 1].max(initial=begin)
     if not begin < end < math.inf:
-        return Text("")
-    return Text(", and the current stays so until {0}", (Moment(float(end)),))
+        return errors.Text("")
+    return errors.Text(", and the current stays so until {0}", (errors.Moment(float(end)),))

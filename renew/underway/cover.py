@@ -11,17 +11,7 @@ from typing import Unpack
 
 import numpy as np
 
-from renew.errors import (
-    GoalInNoGoError,
-    Length,
-    Moment,
-    ParameterError,
-    PlanningError,
-    Text,
-    check_kind,
-    is_finite,
-    shown,
-)
+from renew import errors
 from renew.inputs.chart_and_vessel import Chart, Vessel
 from renew.inputs.current import CurrentLike
 from renew.inputs.openings import Haven
@@ -55,15 +45,15 @@ def _limit_faults(
     faults, turn, rate = list[str](), vessel.turn_period, vessel.fuel_rate
     least = {"within": (within, turn, "s"), "within_fuel": (within_fuel, rate * turn, "fuel units")}
     for name, (value, lowest, unit) in least.items():
-        if value is not None and not (is_finite(value) and value >= lowest):
+        if value is not None and not (errors.is_finite(value) and value >= lowest):
             faults.append(
-                f"{name} = {shown(value)} {unit} must be at least that of one full turn, "
+                f"{name} = {errors.shown(value)} {unit} must be at least that of one full turn, "
                 f"{lowest:.4g} {unit}"
             )
-    if endurance is not None and not (is_finite(endurance) and endurance >= route.fuel):
+    if endurance is not None and not (errors.is_finite(endurance) and endurance >= route.fuel):
         faults.append(
-            f"endurance = {shown(endurance)} fuel units must be at least the route's own fuel, "
-            f"{route.fuel:.6g} fuel units"
+            f"endurance = {errors.shown(endurance)} fuel units must be at least the route's own "
+            f"fuel, {route.fuel:.6g} fuel units"
         )
     if within is None and within_fuel is None and endurance is None:
         faults.append(
@@ -81,7 +71,7 @@ def _limit_faults(
 
 def _usable(
     havens: Sequence[Haven], request: Request, route: Route
-) -> tuple[list[Haven], list[tuple[Haven, PlanningError]]]:
+) -> tuple[list[Haven], list[tuple[Haven, errors.PlanningError]]]:
     """Return the havens that can be used, and the others with reasons.
 
     Raises ParameterError for a route of another current or vessel, GoalInNoGoError if no haven is
@@ -89,11 +79,11 @@ def _usable(
     """
     took = planner_of(request).problem.voyage.fuel(route.path) / request.vessel.fuel_rate
     if not abs(took - route.duration) <= _SAME * route.duration:
-        raise ParameterError(
+        raise errors.ParameterError(
             f"along the route's path this vessel takes {took:.4g} s in this current, and the route "
             f"{route.duration:.4g} s: give vessel, current and drift that it was planned with"
         )
-    good, left_out = list[Haven](), list[tuple[Haven, PlanningError]]()
+    good, left_out = list[Haven](), list[tuple[Haven, errors.PlanningError]]()
     for haven in havens:
         error = _fault(haven, request)
         if error is None:
@@ -101,27 +91,29 @@ def _usable(
         else:
             left_out.append((haven, error))
     if not good:
-        raise GoalInNoGoError(Text.joined("; ", [error.text for _, error in left_out]))
+        raise errors.GoalInNoGoError(
+            errors.Text.joined("; ", [error.text for _, error in left_out])
+        )
     return good, left_out
 
 
-def _fault(haven: Haven, request: Request) -> PlanningError | None:
+def _fault(haven: Haven, request: Request) -> errors.PlanningError | None:
     """Return why a haven can't be used, or None."""
     if off := off_water(haven.place, request.chart):
         where, nearest = off[0], off[1].round(3)
-        return GoalInNoGoError(
+        return errors.GoalInNoGoError(
             f"haven {haven.name} {{0}} lies {where}, {{1}} from the nearest water at {{2}}",
             haven.place,
-            Length(math.dist(haven.place, nearest)),
+            errors.Length(math.dist(haven.place, nearest)),
             nearest,
         )
     _, last = request.current.span
     first = float(request.departure)
     if haven.closes < first or haven.opens > last:
-        return ParameterError(
+        return errors.ParameterError(
             f"haven {haven.name} is open from {{0}} until {{1}}; the route departs at {{2}}, and "
             "the current is known until {3}",
-            *(Moment(time) for time in (haven.opens, haven.closes, first, last)),
+            *(errors.Moment(time) for time in (haven.opens, haven.closes, first, last)),
         )
     return None
 
@@ -286,7 +278,7 @@ def _last_change(survey: Survey, other: Route, most: float) -> ClassTurn | None:
         middle = (good + bad) // 2
         spent = middle / _PARTS * (survey.end - survey.begin)
         turn: ClassTurn | None = None
-        with contextlib.suppress(PlanningError):
+        with contextlib.suppress(errors.PlanningError):
             way = survey.onto(other, survey.begin + spent)
             fuel = survey.request.vessel.fuel_rate * spent + way.fuel
             turn = ClassTurn(other, way, fuel)
@@ -351,18 +343,18 @@ def cover(
         No limit, or one that no route can keep; a route that chose speeds, or of another vessel or
         current; havens that can't be used, if none is left.
     """
-    check_kind("route", route, Route)
+    errors.check_kind("route", route, Route)
     check_objects(chart, vessel)
     for at, haven in enumerate(havens):
-        check_kind(f"havens[{at}]", haven, Haven)
+        errors.check_kind(f"havens[{at}]", haven, Haven)
     for at, other in enumerate(others):
-        check_kind(f"others[{at}]", other, Route)
+        errors.check_kind(f"others[{at}]", other, Route)
     faults = [] if havens else ["havens is empty: give one renew.Haven at least"]
     faults += _limit_faults(route, vessel, within, within_fuel, endurance)
-    if not (is_finite(dearer_by) and 0 <= dearer_by <= 1):
-        faults.append(f"dearer_by = {shown(dearer_by)} must be a share from 0 to 1")
+    if not (errors.is_finite(dearer_by) and 0 <= dearer_by <= 1):
+        faults.append(f"dearer_by = {errors.shown(dearer_by)} must be a share from 0 to 1")
     if faults:
-        raise ParameterError("; ".join(faults))
+        raise errors.ParameterError("; ".join(faults))
     within, within_fuel, endurance = (
         math.inf if limit is None else float(limit) for limit in (within, within_fuel, endurance)
     )

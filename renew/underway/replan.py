@@ -8,17 +8,8 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 import shapely
 
+from renew import errors
 from renew._types import FloatArray
-from renew.errors import (
-    InfeasibleError,
-    Length,
-    ParameterError,
-    PlanningError,
-    StartInNoGoError,
-    check_kind,
-    is_finite,
-    shown,
-)
 from renew.inputs.chart_and_vessel import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.openings import Haven
@@ -55,16 +46,16 @@ class TurnOff:
 
 def turn_offs(
     havens: Sequence[Haven], request: Request, heading: float | None
-) -> tuple[tuple[TurnOff, ...], tuple[tuple[Haven, PlanningError], ...]]:
+) -> tuple[tuple[TurnOff, ...], tuple[tuple[Haven, errors.PlanningError], ...]]:
     """Return ways from a request's start to havens, least fuel first, and havens without a way.
 
     The vessel has a `heading` (rad) if one is given.
     """
-    ways, left_out = list[TurnOff](), list[tuple[Haven, PlanningError]]()
+    ways, left_out = list[TurnOff](), list[tuple[Haven, errors.PlanningError]]()
     for haven in havens:
         try:
             ways.append(_turn_off(haven, request, heading))
-        except PlanningError as error:
+        except errors.PlanningError as error:
             left_out.append((haven, error))
     return tuple(sorted(ways, key=lambda way: way.fuel)), tuple(left_out)
 
@@ -76,7 +67,7 @@ def _turn_off(haven: Haven, request: Request, heading: float | None) -> TurnOff:
     check_endpoints(planner_of(there).problem.voyage)
     plan, _ = choose(there, None, heading, 1.0, is_proven=False, track=None)
     if plan.best.ends_in_soft_no_go:
-        raise InfeasibleError(
+        raise errors.InfeasibleError(
             f"haven {haven.name} {{0}} lies in the soft no-go zone, where no turn is verified; "
             "move it off",
             haven.place,
@@ -136,9 +127,9 @@ class Replanned:
     by_drift: float
     by_forecast: float
     saved: float
-    cause: PlanningError | None = None
+    cause: errors.PlanningError | None = None
     turn_offs: tuple[TurnOff, ...] = ()
-    havens_left_out: tuple[tuple[Haven, PlanningError], ...] = ()
+    havens_left_out: tuple[tuple[Haven, errors.PlanningError], ...] = ()
 
     @property
     def best(self) -> Route | None:
@@ -212,13 +203,13 @@ def replan(
     """
     asked = _asked_of(previous)
     if asked.speed is not None:
-        raise ParameterError(
+        raise errors.ParameterError(
             "previous chose speeds, and can't be planned again under way: plan from here with "
             "renew.plan(..., departure=, speed=)"
         )
     _check(previous, time, heading, burnt, switch_above)
     for number, haven in enumerate(havens):
-        check_kind(f"havens[{number}]", haven, Haven)
+        errors.check_kind(f"havens[{number}]", haven, Haven)
     at, moved = _in_water(as_point("at", at), asked.chart, asked.vessel.turning_radius)
     route = previous.best
     place = _abeam(route, at, asked)
@@ -237,10 +228,10 @@ def replan(
     plan: Plan | None = None
     kept: Route | None = None
     cause, goes_to, rejected = None, request, tuple[Rejected, ...]()
-    ways, left_out = tuple[TurnOff, ...](), tuple[tuple[Haven, PlanningError], ...]()
+    ways, left_out = tuple[TurnOff, ...](), tuple[tuple[Haven, errors.PlanningError], ...]()
     try:
         plan, kept = choose(request, ahead, heading, switch_above, is_proven=is_proven, track=track)
-    except PlanningError as error:
+    except errors.PlanningError as error:
         cause = error
         ways, left_out = turn_offs(havens, request, heading)
         if ways:
@@ -271,12 +262,12 @@ def replan(
 
 def _asked_of(previous: Plan) -> Request:
     """Return what a plan was asked; refuse one read from a pickle."""
-    check_kind("previous", previous, Plan)
+    errors.check_kind("previous", previous, Plan)
     asked = previous.voyage
     if asked is None:
-        raise ParameterError(
-            f"previous.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
-            "the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
+        raise errors.ParameterError(
+            f"previous.voyage = {errors.shown(asked)}: a plan that was pickled has lost its "
+            "current; take the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
         )
     return asked
 
@@ -287,23 +278,23 @@ def _check(
     """Refuse figures out of range; the error names all faults."""
     faults = []
     begun = float(previous.best.times[0])
-    if not is_finite(time):
-        faults.append(f"time = {shown(time)} s must be finite")
+    if not errors.is_finite(time):
+        faults.append(f"time = {errors.shown(time)} s must be finite")
     elif time < begun:
         faults.append(
             f"time = {time:g} s lies {begun - time:g} s before the departure, {begun:g} s"
         )
-    if heading is not None and not (is_finite(heading) and abs(heading) <= _MOST):
+    if heading is not None and not (errors.is_finite(heading) and abs(heading) <= _MOST):
         faults.append(
-            f"heading = {shown(heading)} must lie between -2π and 2π rad, anticlockwise from the "
-            "x-axis; a compass bearing of β degrees is math.radians(90 - β)"
+            f"heading = {errors.shown(heading)} must lie between -2π and 2π rad, anticlockwise "
+            "from the x-axis; a compass bearing of β degrees is math.radians(90 - β)"
         )
-    if burnt is not None and not (is_finite(burnt) and burnt >= 0):
-        faults.append(f"burnt = {shown(burnt)} fuel units must be finite and at least 0")
-    if not (is_finite(switch_above) and 0 <= switch_above <= 1):
-        faults.append(f"switch_above = {shown(switch_above)} must be a share from 0 to 1")
+    if burnt is not None and not (errors.is_finite(burnt) and burnt >= 0):
+        faults.append(f"burnt = {errors.shown(burnt)} fuel units must be finite and at least 0")
+    if not (errors.is_finite(switch_above) and 0 <= switch_above <= 1):
+        faults.append(f"switch_above = {errors.shown(switch_above)} must be a share from 0 to 1")
     if faults:
-        raise ParameterError("; ".join(faults))
+        raise errors.ParameterError("; ".join(faults))
 
 
 def _in_water(at: FloatArray, chart: Chart, radius: float) -> tuple[FloatArray, float]:
@@ -323,8 +314,11 @@ def _in_water(at: FloatArray, chart: Chart, radius: float) -> tuple[FloatArray, 
         if chart.water.contains(shapely.Point(clear)):
             return clear, math.dist(at, clear)
         return nearest, far
-    raise StartInNoGoError(
-        f"at {{0}} lies {where}, {{1}} from the nearest water at {{2}}", at, Length(far), nearest
+    raise errors.StartInNoGoError(
+        f"at {{0}} lies {where}, {{1}} from the nearest water at {{2}}",
+        at,
+        errors.Length(far),
+        nearest,
     )
 
 

@@ -40,18 +40,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from renew import errors
 from renew._types import FloatArray
 from renew.classes.h_signature import name
-from renew.errors import (
-    ArrivalError,
-    CurrentTooStrongError,
-    Moment,
-    PlanningError,
-    ShutStartError,
-    Text,
-    TooLateError,
-    UnreachableError,
-)
 from renew.inputs.openings import Opening
 from renew.planner.classes import ClassSearch, no_class_error
 from renew.planner.fit import as_drawn
@@ -84,7 +75,7 @@ class Sailing:
     departure: float
     planner: ClassPlanner
     found: ClassPath | None
-    cause: PlanningError | None = None
+    cause: errors.PlanningError | None = None
     rejected: tuple[Rejected, ...] = ()
     closed: frozenset[Opening] = frozenset()
 
@@ -110,7 +101,7 @@ class Sailing:
         return Plan(routes, self.rejected, 0, self.planner.problem.overpowered_water)
 
     @property
-    def error(self) -> PlanningError:
+    def error(self) -> errors.PlanningError:
         """Return the error with the reason why there is no path, and remedies."""
         if not self.rejected and self.cause is not None:
             return self.cause
@@ -120,7 +111,7 @@ class Sailing:
     def is_late(self) -> bool:
         """Whether every class, also of later departures, arrives after the current's last time."""
         causes = [rejected.cause for rejected in self.rejected]
-        return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
+        return bool(causes) and all(isinstance(cause, errors.TooLateError) for cause in causes)
 
 
 def sailing_at(request: Request, departure: float) -> Sailing:
@@ -133,7 +124,7 @@ def sailing_at(request: Request, departure: float) -> Sailing:
     first: Sailing | None = None
     try:
         check_start_open(request, departure)
-    except ShutStartError as error:
+    except errors.ShutStartError as error:
         return Sailing(departure, planner_of(request), None, error)
     while True:
         try:
@@ -143,7 +134,7 @@ def sailing_at(request: Request, departure: float) -> Sailing:
                 planner.for_problem(problem), planner.unpadded.for_problem(problem)
             )
             first = first or sailing
-        except PlanningError as error:
+        except errors.PlanningError as error:
             if first is None:
                 raise
             areas = [area for area in request.areas if area in closed]
@@ -179,7 +170,7 @@ def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
     voyage, options = planner.problem.voyage, planner.options
     try:
         check_current_at_endpoints(voyage)
-    except CurrentTooStrongError as error:
+    except errors.CurrentTooStrongError as error:
         return Sailing(voyage.departure, planner, None, error)
     search = ClassSearch(planner, fuel_estimate=lambda channel: fuel_estimate(unpadded, channel))
     search.find_best(options.classes)
@@ -187,7 +178,7 @@ def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
     rejected = tuple(search.rejected.values())
     cause = None
     if rejected:
-        cause = UnreachableError(
+        cause = errors.UnreachableError(
             f"all {len(rejected)} classes were rejected: {{0}}", rejected[0].text
         )
     return Sailing(voyage.departure, planner, search.best, cause, rejected)
@@ -451,7 +442,7 @@ def _in_time(request: Request, earliest: float, arrive_by: float) -> tuple[Saili
 
 def too_late_error(
     first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {} m/s"
-) -> ArrivalError:
+) -> errors.ArrivalError:
     """Return the error for a deadline that can't be met, with a sufficient speed and departure.
 
     Both remedies are found along the sailing's path, so they are nearly exact. `faster` is the text
@@ -464,22 +455,24 @@ def too_late_error(
     def is_in_time(other: Voyage) -> bool:
         return bool(other.arrivals(path)[-1] <= arrive_by)
 
-    remedies = [Text("arrive later")]
+    remedies = [errors.Text("arrive later")]
     most = min(voyage.departure - voyage.current.span[0], _EARLIEST * first.duration)
     earlier = _least(lambda by: is_in_time(voyage.leaving(voyage.departure - by)), 0.0, most)
     if earlier is not None:
-        remedies.append(Text("leave before {0}", (Moment(voyage.departure - earlier),)))
+        remedies.append(
+            errors.Text("leave before {0}", (errors.Moment(voyage.departure - earlier),))
+        )
     enough = _least(lambda higher: is_in_time(voyage.at_speed(higher)), speed, _FASTEST * speed)
     if enough is not None:
         # To three digits, rounded up, so that it is still sufficient.
         step = 10.0 ** (math.floor(math.log10(enough)) - 2)
-        remedies.append(Text(faster.format(f"{math.ceil(enough / step) * step:.3g}")))
-    return ArrivalError(
+        remedies.append(errors.Text(faster.format(f"{math.ceil(enough / step) * step:.3g}")))
+    return errors.ArrivalError(
         "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest: {3}",
-        Moment(arrive_by),
-        Moment(voyage.departure),
-        Moment(first.arrival),
-        Text.joined(", or ", remedies),
+        errors.Moment(arrive_by),
+        errors.Moment(voyage.departure),
+        errors.Moment(first.arrival),
+        errors.Text.joined(", or ", remedies),
     )
 
 

@@ -33,16 +33,9 @@ from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError, Moment, ParameterError, PlanningError
 from renew.inputs.chart_and_vessel import Vessel
 from renew.inputs.openings import Opening
+from renew.paths import speed_profile
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_by_clock
-from renew.paths.speed_profile import (
-    SpeedProfile,
-    constant_speed,
-    speed_profile,
-    speeds_by_clock,
-    trade_off,
-    trade_off_by_clock,
-)
 from renew.planner.classes import ClassSearch, no_class_error, plan_classes
 from renew.planner.grow import Shortfalls, steered_with_room
 from renew.planner.one_class import ClassPath, ClassPlanner, grown_until_clear
@@ -72,8 +65,8 @@ class PriceSearch:
     (m,), s, and the least fuel (m,) for each.
     """
 
-    speeds_along = staticmethod(speed_profile)
-    trade_off_along = staticmethod(trade_off)
+    speeds_along = staticmethod(speed_profile.speed_profile)
+    trade_off_along = staticmethod(speed_profile.trade_off)
 
     def __init__(self, planner: ClassPlanner) -> None:
         self.planner, self.classes = planner, planner.options.classes
@@ -216,7 +209,7 @@ def _is_settled(price: float, before: float) -> bool:
     return price == before or abs(price - before) <= _SETTLED * before
 
 
-def profile_of(class_path: ClassPath) -> SpeedProfile:
+def profile_of(class_path: ClassPath) -> speed_profile.SpeedProfile:
     """Return the speeds along a path; raise ValueError if speeds were not chosen."""
     if class_path.profile is None:
         raise ValueError("the path has no speeds of its own")
@@ -322,7 +315,7 @@ def _with_one_speed(plan: Plan, planner_up_to: _PlannerUpTo, voyage: Voyage) -> 
     path, best = plan.best.path, plan.best
     speed = 0.0
     for _ in range(_ONE_SPEED_ROUNDS):
-        before, speed = speed, constant_speed(path, voyage)
+        before, speed = speed, speed_profile.constant_speed(path, voyage)
         if abs(speed - before) <= _SAME * speed:
             break
         with contextlib.suppress(PlanningError):
@@ -398,13 +391,13 @@ _CURVES = 3
 class ClockSearch(PriceSearch):
     """Plans a voyage in a changing current for a vessel that chooses its speeds."""
 
-    speeds_along = staticmethod(speeds_by_clock)
-    trade_off_along = staticmethod(trade_off_by_clock)
+    speeds_along = staticmethod(speed_profile.speeds_by_clock)
+    trade_off_along = staticmethod(speed_profile.trade_off_by_clock)
 
     def first_paths(self, fastest: ClassPath) -> tuple[ClassSearch, dict[Word, ClassPath]]:
         """Return the first classes' paths at one speed, and the search that found them."""
         problem, (_, last) = self.planner.problem, self.voyage.current.span
-        speed = constant_speed(fastest.path, self.voyage)
+        speed = speed_profile.constant_speed(fastest.path, self.voyage)
         at_speed = self.voyage.at_speed(speed)
         if self.voyage.departure + _LONGER * at_speed.duration(fastest.path) > last:
             speed *= _LONGER
@@ -453,7 +446,7 @@ class ClockSearch(PriceSearch):
     def _steered(self, corridor: Corridor, path: FloatArray) -> ClassPath:
         """Return a path (n, 2) after steering, with its speeds."""
         corridor, path, trajectory = steered_with_room(corridor, path)
-        profile = speeds_by_clock(path, self.voyage)
+        profile = speed_profile.speeds_by_clock(path, self.voyage)
         if self.planner.problem.word(profile.path) != corridor.channel.word:
             raise InfeasibleError("its least-fuel path slips into another class")
         if math.isfinite(profile.fuel):
