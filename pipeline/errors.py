@@ -88,10 +88,8 @@ class PipelineError(Exception):
 class RequestError(PipelineError):
     """The request is wrong: exit code 2, nothing is written.
 
-    Parameters
-    ----------
-    faults : one or several texts; each has the value, the limit and the remedy. Faults that are
-        equal except for their place are reported once.
+    Each of the `faults`, one or several, has the value, the limit and the remedy. Those that are
+    equal except for their place are reported once.
     """
 
     exit_code = 2

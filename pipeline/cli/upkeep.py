@@ -61,10 +61,7 @@ class Finding:
 def examine(output: Path, *, offline: bool = False) -> Iterator[Finding]:
     """Check this machine, the output folder and the account.
 
-    Parameters
-    ----------
-    output : folder of results; it need not exist, and is not created.
-    offline : don't check the login at the service for currents.
+    The folder need not exist, and is not created. The login is not checked if `offline`.
     """
     login = begun(partial(check_login, offline=offline))  # while the other checks are made
     checks: dict[str, Callable[[], Finding]] = {

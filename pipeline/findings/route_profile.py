@@ -47,13 +47,9 @@ class Legs:
 
 @dataclass(frozen=True)
 class Steps:
-    """n - 1 steps between points of the plane.
+    """n - 1 steps between points of the plane: (n - 1,) seconds over each, and mean speeds.
 
-    Attributes
-    ----------
-    planner_s : (n - 1,) seconds over each step on the planner's clock, of a plane at a scale.
-    true_s : (n - 1,) seconds over each step.
-    through_water_m_s : (n - 1,) mean speed through water, over time.
+    `planner_s` are on the planner's clock, of a plane at a scale; the mean is over time.
     """
 
     planner_s: FloatArray

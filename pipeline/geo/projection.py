@@ -64,14 +64,9 @@ _SAMPLES = 9
 class Projection:
     """Lon/lat degrees (WGS 84) to planar metres divided by `scale`, and back.
 
-    Attributes
-    ----------
-    crs
-        The plane's CRS for pyproj: a PROJ string, WKT or authority code.
-    scale
-        True metres per planar metre: 1 is the true scale, 1000 is 1:1000.
-    central_longitude
-        Resulting longitudes are within 180 degrees of it.
+    `crs` is the plane's CRS for pyproj: a PROJ string, WKT or authority code. `scale` is in true
+    metres per planar metre: 1 is the true scale, 1000 is 1:1000. Resulting longitudes are within
+    180 degrees of `central_longitude`.
     """
 
     crs: str
@@ -85,14 +80,10 @@ class Projection:
 
     @classmethod
     def for_region(cls, region: shapely.Polygon, scale: float = 1.0) -> "Projection":
-        """Choose the projection for a region.
+        """Choose the projection for a region in degrees; `scale` is true metres per planar metre.
 
-        Raises RequestError if the region is not on the globe.
-
-        Parameters
-        ----------
-        region : lon/lat degrees, continuous across 180 (170 to 190, not 170 to -170).
-        scale : true metres per planar metre.
+        Its longitudes are continuous across 180 (170 to 190, not 170 to -170). Raises RequestError
+        if it is not on the globe.
         """
         west, south, east, north = region.bounds
         if region.is_empty or not (-90 <= south <= north <= 90 and east - west <= 360):

@@ -137,15 +137,10 @@ def make(task: WorkerTask, identity: str, limit_s: float) -> Any:  # noqa: ANN40
 
 @contextlib.contextmanager
 def fleet(address: str, shared: Path, limit_s: float = math.inf) -> "Iterator[Fleet]":
-    """Connect to a scheduler, and yield its workers.
+    """Connect to a scheduler, and yield its workers; `limit_s` is the time limit of a task, s.
 
-    Raises StageError if the scheduler can't be reached or has no workers, or a worker can't plan.
-
-    Parameters
-    ----------
-    address : the scheduler's address.
-    shared : a file that all workers must be able to read.
-    limit_s : time limit of a task, s.
+    Raises StageError if the scheduler can't be reached or has no workers, or a worker can't plan or
+    read the file `shared`.
     """
     with quiet(), _client(address) as client:
         connected = Fleet(address, client, limit_s)

@@ -48,12 +48,9 @@ def writing(folder: Path) -> contextlib.AbstractContextManager[None]:
 def whole_file(path: Path, owner: str = "") -> Iterator[IO[bytes]]:
     """Provide a new file to write; if the block ends without error, it is renamed to the path.
 
-    Raises OSError if the disk refuses; an earlier file at the path is unchanged.
-
-    Parameters
-    ----------
-    owner : prefix of the unfinished file's name, by which leftovers of a killed process are found;
-        by default the file's own name.
+    Raises OSError if the disk refuses; an earlier file at the path is unchanged. `owner` is the
+    prefix of the unfinished file's name, by which leftovers of a killed process are found; by
+    default the file's own name.
     """
     fresh = path.with_name(f".{owner or path.name}.{secrets.token_hex(8)}{UNFINISHED}")
     try:
@@ -167,13 +164,9 @@ _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 def replacing(directory: Path, results: Callable[[], Collection[str]]) -> Iterator[Path]:
     """Provide an empty folder to fill; if the block ends without error, it replaces a directory.
 
-    Raises OSError if the disk refuses; the directory is unchanged.
-
-    Parameters
-    ----------
-    directory : the folder of results, as its readers name it.
-    results : returns the names of the earlier results in it: they are dropped, other files are
-        kept.
+    `directory` is the folder of results, as its readers name it. The earlier results in it, which
+    `results` names, are dropped, other files are kept. Raises OSError if the disk refuses; the
+    directory is unchanged.
     """
     remove_leftovers(directory)
     hidden = _hidden_folder(directory)

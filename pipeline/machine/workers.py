@@ -66,10 +66,8 @@ class WorkerEndedError(Exception):
 class Worker:
     """A process that calls functions, started at the first call; inside `with` it ends with it.
 
-    Parameters
-    ----------
-    data_bytes : size of the process's data above which it gets no more memory; 0: no limit.
-    variables : environment variables of the process, beside those of this one.
+    It gets no more memory above `data_bytes` of data, without a limit if 0. `variables` are in its
+    environment, beside those of this process.
     """
 
     def __init__(self, data_bytes: int = 0, variables: Mapping[str, str] | None = None) -> None:

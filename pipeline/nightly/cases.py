@@ -295,12 +295,9 @@ def request_hash(config: NightConfig, blocks: Iterable[Block]) -> str:
 def expand(config: NightConfig, *, only: str | None = None) -> list[Block]:
     """Return the cases of a night, a block for each [[cases]] table.
 
-    Raises RequestError if the file has unknown scenarios, vessels, seasons or cases, faulty pairs,
-    or too many cases; one line each.
-
-    Parameters
-    ----------
-    only : a case's name, or its first parts: only matching cases are planned.
+    With `only`, a case's name or its first parts, only matching cases are planned. Raises
+    RequestError if the file has unknown scenarios, vessels, seasons or cases, faulty pairs, or too
+    many cases; one line each.
     """
     faults: list[str] = []
     blocks = [

@@ -138,14 +138,10 @@ class NightConfig:
 
 
 def load_config(file: Path | None = None, output: Path | None = None) -> NightConfig:
-    """Load a night's file.
+    """Load a night's file, by default the one that comes with RENEW: two scenarios, run offline.
 
-    Raises RequestError if the file is missing, not TOML, or invalid: one line for each fault.
-
-    Parameters
-    ----------
-    file : the file; by default the one that comes with RENEW: two scenarios, which run offline.
-    output : folder of all cycles, in place of the one in the file.
+    `output` is the folder of all cycles, in place of the one in the file. Raises RequestError if
+    the file is missing, not TOML, or invalid: one line for each fault.
     """
     path = catalogue.root() / "nightly.toml" if file is None else expanded(file, "--config")
     if reason := unreadable_reason(path):

@@ -69,13 +69,9 @@ def newest_currents(
 ) -> Newest:
     """Find the available currents, and name the cycle after the newest.
 
+    By this machine's clock it is `now`, and the last night ended at `last_night`, None if unknown.
     Raises ComeAgainError if there are no currents yet; or some are dated in the future and the
     clock was set back.
-
-    Parameters
-    ----------
-    now : the time of this machine's clock.
-    last_night : end of the last night according to this clock; None if unknown.
     """
     members = {Path(member) for block in blocks for member in block.members if member is not None}
     fatal_files(sorted(members))  # all in one process, which is faster; the answers are cached

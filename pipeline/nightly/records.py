@@ -45,11 +45,8 @@ def write_record(
 ) -> None:
     """Flush a cycle's files to the disk, and then write its record.
 
-    Parameters
-    ----------
-    files : names of the cycle's files.
-    made : the time and the inputs of the cycle, and the numbers of its cases.
-    notes : other matters that an operator should look at.
+    `made` is the time and the inputs of the cycle, and the numbers of its cases; `notes` are other
+    matters that an operator should look at.
     """
     from pipeline.formats.records import versions
 
@@ -93,9 +90,7 @@ def finished_at(folder: Path) -> datetime | None:
 def reason_to_revise(folder: Path, request: str, currents: str) -> str:
     """Return why a finished cycle must be planned again, or "" if it need not be.
 
-    Parameters
-    ----------
-    request, currents : hashes of tonight's request and of the newest currents.
+    `request` and `currents` are hashes of tonight's request and of the newest currents.
     """
     if faults := faults_of(folder):
         return "; ".join(f"{folder.name}/{name} {fault}" for name, fault in faults.items())

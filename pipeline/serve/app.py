@@ -67,12 +67,8 @@ REPORT_POLICY = (
 def serve(plans: Plans, port: int | None, on_ready: Callable[[str], None]) -> None:
     """Serve the page until the process is stopped; call `on_ready` with the first address.
 
-    `port` is 0 for any that is free, and None for the usual one if that is free.
-
-    Raises
-    ------
-    RequestError
-        The port is taken.
+    `port` is 0 for any that is free, and None for the usual one if that is free. Raises
+    RequestError if the port is taken.
     """
     with _listening(port) as opened:
         keys = Keys(opened.getsockname()[1])

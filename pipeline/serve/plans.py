@@ -70,12 +70,9 @@ class GivenFiles:
         self._bytes = 0  # of all files that this server was given
 
     def path(self, name: str, key: str) -> Path:
-        """Return the path of a file by its id; `key` says who names it.
+        """Return the path of a file by its id; RequestError if the server was not given it.
 
-        Raises
-        ------
-        RequestError
-            The server was not given such a file.
+        `key` says who names it.
         """
         if name not in self._files:
             raise RequestError(
@@ -95,13 +92,9 @@ class GivenFiles:
     async def receive(self, name: str, chunks: AsyncIterator[bytes]) -> Path:
         """Write a file to the disk as it comes; return its path.
 
-        Raises
-        ------
-        RequestError
-            The name has parts of a path, or the file is empty; NotTakenError if it, or all files
-            together, are too large. Nothing is left of it.
-        StageError
-            The disk refuses.
+        Raises RequestError if the name has parts of a path, or the file is empty; NotTakenError if
+        it, or all files together, are too large; StageError if the disk refuses. Nothing is left of
+        it then.
         """
         if not _NAME.fullmatch(name):
             raise RequestError(
@@ -174,10 +167,7 @@ class _DrawnAreas(BaseModel):
     def options(self, files: GivenFiles) -> dict[str, Any]:
         """Return the options by their names, with the paths of files in place of their ids.
 
-        Raises
-        ------
-        RequestError
-            A line for each vessel, source or file that is not known.
+        Raises RequestError with a line for each vessel, source or file that is not known.
         """
         faults = Faults()
         if sum(map(len, self.areas)) > _MAX_CORNERS:
@@ -418,10 +408,7 @@ class Plans:
     def add(self, request: PlanRequest, options: Mapping[str, Any]) -> AskedPlan:
         """Add a plan and return it; return an earlier one of the same options unless it failed.
 
-        Raises
-        ------
-        NotTakenError
-            Too many plans wait.
+        Raises NotTakenError if too many plans wait.
         """
         same = json.dumps(options, sort_keys=True)
         for known in self._plans.values():

@@ -81,12 +81,8 @@ class ServingWorker(Worker):
     async def plan(self, asked: Mapping[str, Any], limit_s: float) -> AsyncIterator[dict[str, Any]]:
         """Plan a voyage; yield its events, "done" or "failed" last.
 
-        If `asked` only prepares, the last is "prepared".
-
-        Raises
-        ------
-        StageError
-            It took too long, or the process ended.
+        If `asked` only prepares, the last is "prepared". Raises StageError if it took too long, or
+        the process ended.
         """
         await self.start()
         self._plans += 1

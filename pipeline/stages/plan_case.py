@@ -39,12 +39,9 @@ def plan_case(
 ) -> model.CaseResult:
     """Plan a case and measure its routes; if there is no plan, `failure` has the reason.
 
-    Parameters
-    ----------
-    options : on a chart, with the clearance that the run has chosen.
-    on_step : called with the case's name and each step of its plan, whose path is in lon/lat
-        degrees.
-    havens : under way the reason says which of them to turn off to.
+    On a chart, the `options` have the clearance that the run has chosen. `on_step` is called with
+    the case's name and each step of its plan, whose path is in lon/lat degrees. Under way the
+    reason says which of the `havens` to turn off to.
     """
     result = planned(case, options, on_step, havens)
     return replace(result, measures=measured(case, result, options))

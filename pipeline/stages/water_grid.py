@@ -266,11 +266,8 @@ def choose_region(
 ) -> tuple[Bounds, bool]:
     """Choose a region for a voyage: its bounds, degrees, and whether it leaves out long ways.
 
-    Parameters
-    ----------
-    direct : its start and goal must lie inside the limits.
-    mask_of : returns the land inside bounds.
-    limits : bounds of the currents, which the region does not exceed.
+    `mask_of` returns the land inside bounds. The region does not exceed the `limits`, the bounds of
+    the currents, in which start and goal must lie.
     """
     reach_m = max(_REACH_SHARE * direct.distance_m, _MIN_REACH_M)
     for _ in range(_SEARCHES):

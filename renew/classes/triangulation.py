@@ -152,14 +152,9 @@ def triangulate(
     """Triangulate the chart's water, constrained to its edges, without Steiner points.
 
     `closed` is water that is left out as if it were land; its edges are no hazard, unless land lies
-    `beside` them, within so many metres.
-
-    Raises
-    ------
-    ParameterError
-        An unknown backend, or Triangle where it is not installed.
-    GeometryError
-        Triangles that don't add up to the water (a chart beyond repair).
+    `beside` them, within so many metres. Raises ParameterError for an unknown backend, or Triangle
+    where it is not installed; GeometryError for triangles that don't add up to the water (a chart
+    beyond repair).
     """
     if backend not in get_args(Backend):
         raise ParameterError(f"backend = {backend!r} is not one of {', '.join(get_args(Backend))}")

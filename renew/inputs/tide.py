@@ -213,22 +213,9 @@ class Tide:
 def arguments(names: Iterable[str], instants: Instants) -> tuple[FloatArray, FloatArray]:
     """Nodal factors f and arguments V + u (radians, at Greenwich) by Schureman.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Constituents, as in `Tide`.
-    instants : ndarray
-        Instants (n,), datetime64, UTC.
-
-    Returns
-    -------
-    ndarray, ndarray
-        (constituents, n) each, in the order of the names.
-
-    Raises
-    ------
-    ParameterError
-        Names that pyfes doesn't know, or it is not installed.
+    `names` are those of constituents, as in `Tide`; `instants` (n,) are datetime64, UTC. Both
+    results are (constituents, n), in the order of the names. Raises ParameterError for names that
+    pyfes doesn't know, or if it is not installed.
     """
     names = list(names)
     if faults := _name_faults(names):

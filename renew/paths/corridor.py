@@ -289,10 +289,7 @@ class Corridor:
     def open_sections(self, spacing: float, angle: float) -> tuple[Sections, FreeIntervals]:
         """Return sections at most `spacing` m and `angle` rad apart, with their parts outside V.
 
-        Raises
-        ------
-        InfeasibleError
-            V covers a whole section; the message names the strait.
+        Raises InfeasibleError, which names the strait, if V covers a whole section.
         """
         sections = sections_of(self.channel, self.voyage.start, self.voyage.goal, spacing, angle)
         free = free_intervals(sections, self.search_capsules)

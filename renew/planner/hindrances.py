@@ -51,13 +51,9 @@ def with_clearance(
 ) -> PaddedEdges:
     """Return padding of at least the clearance (m), reduced in narrows.
 
-    Parameters
-    ----------
-    padded
-        Edges within the clearance of a channel without via points; their padding is for turns.
-    share
-        Share of its distance from the middle of a narrow that the shore keeps; with 1 the clearance
-        is never reduced.
+    `padded` are edges within the clearance of a channel without via points; their padding is for
+    turns. The shore of a narrow keeps the `share` of its distance from the middle; with 1 the
+    clearance is never reduced.
     """
     whole = padded.at_least(np.full(len(padded.edge), clearance))
     # A passage with less room than turns need is shut, whatever the clearance.

@@ -266,8 +266,8 @@ def _asked_of(previous: Plan) -> Request:
     asked = previous.voyage
     if asked is None:
         raise errors.ParameterError(
-            f"previous.voyage = {errors.shown(asked)}: a plan that was pickled has lost its "
-            "current; take the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
+            f"previous.voyage = {errors.shown(asked)}: a plan that was pickled has lost its current"
+            "; take the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
         )
     return asked
 

@@ -43,15 +43,10 @@ def draw(
     kinds: Sequence[Kind] = (),
     form: Form = "png",
 ) -> list[Path]:
-    """Draw figures of cases to `folder/<case>-<figure>.<form>`; return the files.
+    """Draw figures of cases, which have a route, to `folder/<case>-<figure>.<form>`.
 
-    Raises StageError if the figures can't be written.
-
-    Parameters
-    ----------
-    result, cases : the run's result, and those of its cases that are drawn; all have a route.
-    folder : where the files are written; it is made if it does not exist.
-    kinds, form : the kinds of figures, all if empty; and the format of their files.
+    Returns the files. The folder is made if it does not exist; all `kinds` are drawn if none is
+    given. Raises StageError if the figures can't be written.
     """
     files = []
     about = result.scenario.title or result.scenario.name

@@ -46,18 +46,10 @@ _COMMENT = (
 def fit_files(paths: Sequence[str]) -> Dataset:
     """Fit constants at each node of hourly currents in files that belong together.
 
-    Returns
-    -------
-    Dataset
-        `u_re`, `u_im`, `v_re` and `v_im` (constituent, lat, lon), m/s; `u_mean` and `v_mean`,
-        `residual_rms` of both components together, m/s, and `variance_share` (lat, lon). NaN where
-        a step has no current.
-
-    Raises
-    ------
-    RequestError
-        The files can't be used, or their series are too short, have holes or are not hourly:
-        one line for each fault.
+    Returns `u_re`, `u_im`, `v_re` and `v_im` (constituent, lat, lon), m/s; `u_mean` and `v_mean`,
+    `residual_rms` of both components together, m/s, and `variance_share` (lat, lon). They are NaN
+    where a step has no current. Raises RequestError if the files can't be used, or their series are
+    too short, have holes or are not hourly: one line for each fault.
     """
     files = find_files(paths)
     contents = read_contents(files)

@@ -253,14 +253,10 @@ def land_polygons(
 ) -> Land:
     """Return OpenStreetMap's land near a region, or that of another shoreline.
 
-    Returns valid polygons, in the region's own longitudes, and whole unless they cross the box:
-    pieces that the source cuts at 180 degrees are joined again.
-
-    Parameters
-    ----------
-    region : lon/lat degrees, continuous across 180 (170 to 190).
-    beyond_m : distance outside the region's bounds up to which land is kept (true metres, about).
-        Mainland is cut along that box.
+    The region is in lon/lat degrees, continuous across 180 (170 to 190). Land is kept up to
+    `beyond_m` outside its bounds (true metres, about); mainland is cut along that box. Returns
+    valid polygons, in the region's own longitudes, and whole unless they cross the box: pieces that
+    the source cuts at 180 degrees are joined again.
     """
     box = shapes.box_around(region, beyond_m)
     near, notes = polygons_near(shoreline, box)
