@@ -312,6 +312,10 @@ _MAX_HASHED_BYTES = 500 << 20
 _PLACES = 60
 # Least number of places in the chart's water by which the sign of heights is judged.
 _MIN_PLACES = 30
+# Height below which no sea floor lies, m.
+_LOWEST_M = -11_000.0
+# Values that stand for "no data", m: they do if no other is nearer than a tenth of them.
+_FILLS_M = {-999.0, -9999.0}
 # Largest share of the places in water that may lie above the sea.
 _MAX_DRY_SHARE = 0.5
 # Depth range of a band of tidal water, m; all of a band needs the tide of its shallowest water.
@@ -345,7 +349,7 @@ class SoundedChart:
         """Return the land near a region (lon/lat degrees), and the water that is too shallow.
 
         Raises RequestError if the source of the land is at fault; or the file of depths covers
-        nothing of the region, is damaged, or puts most of the water above the sea.
+        nothing of the region, is damaged, or has depths that can't be.
         """
         land = self.chart.land(region)
         heights = self.file.heights(box_around(region).bounds)
@@ -355,6 +359,7 @@ class SoundedChart:
                 f"chart.depths: {name} covers nothing of the region; give a grid of the region, or "
                 "leave depths out"
             )
+        self._check_lowest(heights.height_m)
         self._check_sign(heights, land, region)
         shallow = shallow_polygons(heights, self.rule.least_m)
         text = f"shallower than {self.rule.least_m:.3g} m"
@@ -384,6 +389,19 @@ class SoundedChart:
         lacking = 1 - _covered_share(heights, region)
         if lacking > _MIN_NOTED_SHARE:
             yield Note.of("depths-lacking", source=name, share=lacking)
+
+    def _check_lowest(self, height_m: FloatArray) -> None:
+        """Refuse a fill value that the file does not declare: it would be deep water."""
+        lowest = float(np.nanmin(height_m))
+        others = height_m[height_m > lowest]
+        is_fill = lowest in _FILLS_M and others.min(initial=0.0) > 0.9 * lowest
+        if is_fill or lowest < _LOWEST_M:
+            value = f"{self.file.sign * lowest:g}"
+            raise RequestError(
+                f"chart.depths: {self.file.variable} of {self.file.name} has the value {value} m, "
+                "which is no depth but stands for none, or is in another unit; declare it, as with "
+                f"`cdo setctomiss,{value}`, or correct the unit"
+            )
 
     def _check_sign(self, heights: Heights, land: Land, region: shapely.Polygon) -> None:
         """Refuse heights by which most of the chart's water lies above the sea."""

@@ -520,6 +520,33 @@ def test_a_grid_of_another_place_or_with_the_other_sign_is_refused(tmp_path: Pat
         sounded(upside_down).land(REGION)
 
 
+@pytest.mark.parametrize(
+    ("lowest_m", "is_refused"),
+    [(-32768.0, True), (-9999.0, True), (-999.0, True), (-99999.0, True), (-10_900.0, False)],
+)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_fill_value_that_is_not_declared_is_no_deep_water(
+    tmp_path: Path, sign: int, lowest_m: float, *, is_refused: bool
+) -> None:
+    floor = sea_floor()
+    floor[40:46, 40:46] = lowest_m
+    data = depth_grids.dataset(
+        SOUNDED_LON, SOUNDED_LAT, sign * floor, "elevation" if sign > 0 else "depth", units="m"
+    )
+    data.to_netcdf(file := tmp_path / "grid.nc")
+    if not is_refused:
+        assert sounded(file).land(REGION).polygons
+        return
+    with pytest.raises(RequestError, match=rf"`cdo setctomiss,{sign * lowest_m:g}`"):
+        sounded(file).land(REGION)
+    sounded(file).land(shapely.box(0.3, 49.6, 0.9, 50.4))  # which has none
+    # A floor that falls to -999 m step by step is one.
+    floor[40:46, 40:46] = np.linspace(-990.0, -999.0, 36).reshape(6, 6)
+    data["elevation" if sign > 0 else "depth"].values[:] = sign * floor
+    data.to_netcdf(deep := tmp_path / "deep.nc")
+    assert sounded(deep).land(REGION).polygons
+
+
 def test_the_identity_follows_the_file_and_the_depth(tmp_path: Path) -> None:
     file = depth_grids.gebco(tmp_path / "grid.nc", SOUNDED_LON, SOUNDED_LAT, sea_floor())
     first = sounded(file).identity
