@@ -254,8 +254,12 @@ def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int
 
 _DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = _TABLE["depth_classes"]
 _SUNKEN, _FIXED, _FLOATING = (_TABLE[group] for group in ("sunken", "fixed", "floating"))
-_HAZARDS, _TRAFFIC, _RULES = (_TABLE[names] for names in ("hazards", "traffic", "rules"))
-CLASSES = (*_DEPTH_CLASSES, *_SUNKEN, *_FIXED, *_FLOATING, *_TRAFFIC, "RESARE", "M_QUAL")
+_HAZARDS, _TRAFFIC, _RESTRICTED, _RULES = (
+    _TABLE[names] for names in ("hazards", "traffic", "restricted", "rules")
+)
+_OVERHEAD = _TABLE["overhead"]
+_ALL = (*_DEPTH_CLASSES, *_SUNKEN, *_FIXED, *_FLOATING, *_TRAFFIC, *_RESTRICTED, *_OVERHEAD)
+CLASSES = (*_ALL, "M_QUAL")
 _NO_ENTRY = {"entry prohibited", "area to be avoided"}
 
 # Drawing accuracy of a chart on paper, m; an object shown as a point is no larger.
@@ -437,7 +441,7 @@ def _areas_in(sea: shapely.Geometry, geometry: Geometries, radius_m: float) -> G
 def _zones(part: Cell) -> Iterator[Zone]:
     """Yield restricted areas and traffic schemes, which are shown but not no-go."""
     for name, objects in part.objects.items():
-        if name != "RESARE" and name not in _TRAFFIC:
+        if name not in _RESTRICTED and name not in _TRAFFIC:
             continue
         inside = cut_to(objects.geometry, part.covered)
         # Of a lane, ORIENT is the direction of its traffic.
@@ -448,11 +452,11 @@ def _zones(part: Cell) -> Iterator[Zone]:
             if area.area == 0:
                 continue
             rule = ", ".join(_RULES[code] for code in codes.split(",") if code in _RULES)
-            if name == "RESARE":
-                yield Zone("restricted", title, rule, area)
-            else:
+            if name in _TRAFFIC:
                 known = course_deg if math.isfinite(course_deg) else None
                 yield Zone("traffic", title or _TRAFFIC[name], rule, area, known)
+            elif rule or name == "RESARE":
+                yield Zone("restricted", title or _RESTRICTED[name], rule, area)
 
 
 def _notes(parts: Sequence[Cell], sea: shapely.Geometry, region: shapely.Polygon) -> Iterator[Note]:
@@ -474,6 +478,16 @@ def _notes(parts: Sequence[Cell], sea: shapely.Geometry, region: shapely.Polygon
     if prohibited:
         names = dict.fromkeys(zone.name or "unnamed" for zone in prohibited)
         yield Note.of("entry-prohibited", areas=tuple(names))
+    over = (
+        (part, part.objects[name].geometry)
+        for part in parts
+        for name in {*_OVERHEAD} & {*part.objects}
+    )
+    if count := sum(
+        int(shapely.intersects(own, shapely.intersection(water, part.covered)).sum())
+        for part, own in over
+    ):
+        yield Note.of("overhead", count=count)
     for part in parts:
         yield from shapes.repair_note(part.name, part.repaired)
         for text in part.warnings:

@@ -320,6 +320,7 @@ def test_sunken_objects_are_no_go_unless_known_to_be_deep(
         ("BCNLAT", 80_000, 40),
         ("BOYSPP", 10_000, 25),
         ("LNDARE", 50_000, 25),
+        ("LNDMRK", 50_000, 25),  # a wind turbine
     ],
 )
 def test_points_are_as_wide_as_the_chart_draws_them(name: str, scale: int, radius_m: float) -> None:
@@ -375,6 +376,29 @@ def test_traffic_lanes_are_zones_but_not_no_go() -> None:
     assert no_go(given).is_empty
     zones = s57.land([given], AROUND, HARBOUR, RULE).zones
     assert [z.name for z in zones if z.kind == "traffic"] == ["traffic lane"]
+
+
+def test_an_area_that_may_not_be_entered_is_named_whatever_its_class() -> None:
+    box = shapely.box(0.002, 0, 0.004, 0.01)
+    farm, cables = objects(box, OBJNAM="", RESTRN="7"), objects(box, OBJNAM="", RESTRN="2,6")
+    land = s57.land([cell({"OSPARE": farm, "CBLARE": cables})], AROUND, HARBOUR, RULE)
+    assert [(z.name, z.rule) for z in land.zones if z.kind == "restricted"] == [
+        ("offshore production area", "entry prohibited")
+    ]
+    (told,) = (text for text in note_texts(land.notes) if "entry is prohibited" in text)
+    assert told.endswith("or to be avoided: offshore production area")
+
+
+def test_bridges_and_cables_over_the_water_are_counted() -> None:
+    ashore, across = (
+        shapely.LineString([(0.02, 0), (0.03, 0)]),
+        shapely.LineString([(0, 0), (1, 1)]),
+    )
+    given = cell({"BRIDGE": objects(ashore, across), "CBLOHD": objects(across)})
+    assert no_go(given).is_empty
+    notes = note_texts(s57.land([given], AROUND, HARBOUR, RULE).notes)
+    (told,) = (text for text in notes if "passes below" in text)
+    assert told.startswith("2 bridges and cables cross the water of the chart: whether")
 
 
 def test_a_planted_lane_has_its_course_and_who_sails_against_it_is_told() -> None:
