@@ -161,10 +161,11 @@ _OF_A_PLAN = (
 
 
 @options.command(app, "check-route")
-@options.with_options(VoyageRequest, without=_OF_A_PLAN)
+@options.with_options(VoyageRequest, without=(*_OF_A_PLAN, "speed"))
 def check_route(
     file: Path,
     *,
+    speed: str | None = None,
     as_json: bool = False,
     quiet: bool = False,
     **given: Any,  # noqa: ANN401 - the options of a voyage
@@ -184,7 +185,9 @@ def check_route(
     route = read_route(file)
     if not given["depart"] and not given["month"] and route.points[0].time:
         given["depart"] = route.points[0].time
-    request = read_voyage({**given, **route.stops}, "command")
+    if ".." in (speed or ""):
+        raise RequestError(f"--speed {speed}: a route is checked at one speed; give one, as 12kn")
+    request = read_voyage({**given, **route.stops, "speed": speed}, "command")
     asked = voyage_scenario(request)
     with progress(*asked, quiet=quiet, as_json=as_json) as on_event:
         run, found = checked(request, asked, route, on_event)

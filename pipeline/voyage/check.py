@@ -92,9 +92,14 @@ def check_route(
     turn = 360.0 * round((scenario.start[0] - route.lonlat[0, 0]) / 360)
     line, at = route.drawn
     line = line + np.array([turn, 0.0])
+    far = text.distance(route.joined_m)
     said = (
         *notes,
         *([f"the first of {route.others + 1} routes of the file was checked"] * bool(route.others)),
+        *(
+            [f"its parts were joined by straight lines, the longest of {far}"]
+            * (route.joined_m > _LEAST_M)
+        ),
         *(f"it ends where it begins: routes beside it pass {spelled(one)}" for one in request.via),
     )
     chosen, land = prepare(

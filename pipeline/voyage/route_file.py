@@ -7,8 +7,8 @@ are; by RFC 7946 those of GeoJSON are straight in degrees.
 
 import itertools
 import json
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,7 @@ from lxml import etree
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.formats.passage.safe_corridor import Curve, curve_for, in_pieces
-from pipeline.geo.projection import METRES_PER_DEGREE
+from pipeline.geo.projection import GEOD, METRES_PER_DEGREE
 from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.texts import clean
 from pipeline.voyage.request import SNAP_M
@@ -50,12 +50,16 @@ class RoutePoint(NamedTuple):
 
 @dataclass(frozen=True)
 class GivenRoute:
-    """A route of a file, of at least two points; `others` is the number of its further routes."""
+    """A route of a file, of at least two points; `others` is the number of its further routes.
+
+    Its parts were joined by straight lines, the longest of `joined_m` true metres.
+    """
 
     name: str
     form: str
     points: tuple[RoutePoint, ...]
     others: int = 0
+    joined_m: float = 0.0
 
     @cached_property
     def lonlat(self) -> FloatArray:
@@ -131,12 +135,19 @@ def _first(found: list[GivenRoute]) -> tuple[GivenRoute, str]:
     why = "has a route whose points are all at one place" if len(kept) < 2 else ""
     if len(kept) > _MOST_POINTS:
         why = f"has a line of {len(kept):,} points, and {_MOST_POINTS:,} are read"
-    return GivenRoute(clean(route.name), route.form, kept, len(found) - 1), why
+    return replace(route, name=clean(route.name), points=kept, others=len(found) - 1), why
 
 
-def _line(name: object, form: str, lonlat: Iterable[Any]) -> GivenRoute:
-    points = (RoutePoint(float(one[0]), float(one[1])) for one in lonlat)
-    return GivenRoute(str(name or ""), form, tuple(points))
+def _line(name: object, form: str, parts: Sequence[Sequence[Any]]) -> GivenRoute:
+    points = (RoutePoint(float(one[0]), float(one[1])) for one in itertools.chain(*parts))
+    return GivenRoute(str(name or ""), form, tuple(points), joined_m=_joined_m(parts))
+
+
+def _joined_m(parts: Sequence[Sequence[Any]]) -> float:
+    """Return the longest true metres from the end (lon, lat) of a part to the next one's begin."""
+    pairs = itertools.pairwise(filter(None, parts))
+    apart = (float(GEOD.inv(*one[-1][:2], *other[0][:2])[2]) for one, other in pairs)
+    return max(apart, default=0.0)
 
 
 def _of_json(content: bytes) -> Iterator[GivenRoute]:
@@ -146,10 +157,10 @@ def _of_json(content: bytes) -> Iterator[GivenRoute]:
         shape = feature.get("geometry") or feature
         name = (feature.get("properties") or {}).get("name")
         if shape.get("type") == "LineString":
-            yield _line(name, "GeoJSON", shape["coordinates"])
+            yield _line(name, "GeoJSON", [shape["coordinates"]])
         elif shape.get("type") == "MultiLineString":
             # A line across 180 degrees is written in parts.
-            yield _line(name, "GeoJSON", itertools.chain(*shape["coordinates"]))
+            yield _line(name, "GeoJSON", shape["coordinates"])
 
 
 def _of_xml(content: bytes) -> Iterator[GivenRoute]:
@@ -159,11 +170,13 @@ def _of_xml(content: bytes) -> Iterator[GivenRoute]:
         yield _of_rtz(root)
         return
     gpx = gpxpy.parse(etree.tostring(root, encoding="unicode"))
-    drawn: list[tuple[Any, str, list[Any]]] = [
-        *((one, "GPX route", one.points) for one in gpx.routes),
-        *((one, "GPX track", [*one.walk(only_points=True)]) for one in gpx.tracks),
+    drawn: list[tuple[Any, str, list[list[Any]]]] = [
+        *((one, "GPX route", [one.points]) for one in gpx.routes),
+        *((one, "GPX track", [part.points for part in one.segments]) for one in gpx.tracks),
     ]
-    for line, form, places in drawn:
+    for line, form, parts in drawn:
+        joined_m = _joined_m([[(p.longitude, p.latitude) for p in part] for part in parts])
+        places = [*itertools.chain(*parts)]
         lonlat = np.array([(one.longitude, one.latitude) for one in places] or [(0, 0)])
         curve = curve_for(lonlat) if form == "GPX route" else None
         points = (
@@ -172,7 +185,7 @@ def _of_xml(content: bytes) -> Iterator[GivenRoute]:
             )
             for one in places
         )
-        yield GivenRoute(str(line.name or ""), form, tuple(points))
+        yield GivenRoute(str(line.name or ""), form, tuple(points), joined_m=joined_m)
 
 
 def _of_rtz(root: Any) -> GivenRoute:  # noqa: ANN401 - lxml has no types

@@ -257,6 +257,34 @@ def test_a_line_across_180_degrees_is_one(tmp_path: Path) -> None:
     assert route.lonlat[:, 0] == pytest.approx([179, 180, 181])
     ends = {"start": "1.00000000N 179.00000000E", "goal": "3.00000000N 179.00000000W"}
     assert route.stops == {**ends, "via": []}
+    assert route.joined_m == 0
+
+
+@pytest.mark.parametrize("form", ["geojson", "gpx"])
+def test_parts_that_do_not_meet_are_joined_and_that_is_said(
+    folder: Path, tmp_path: Path, form: str
+) -> None:
+    (west, south), (east, _) = START, GOAL
+    north = south + 0.05
+    parts = [[(west, south), (west, north)], [(east, north), GOAL]]
+    segments = ("".join(f"<trkpt lon='{lon}' lat='{lat}'/>" for lon, lat in part) for part in parts)
+    (file := tmp_path / f"a.{form}").write_text(
+        shapely.to_geojson(shapely.MultiLineString(parts))
+        if form == "geojson"
+        else f"<gpx><trk><trkseg>{'</trkseg><trkseg>'.join(segments)}</trkseg></trk></gpx>"
+    )
+    far_m = GEOD.inv(west, north, east, north)[2]
+    assert read_route(file).joined_m == pytest.approx(far_m)
+    result = checked(folder, file, "--depart", BEGIN)
+    told = f"- its parts were joined by straight lines, the longest of {far_m / 1000:.2f} km\n"
+    assert told in result.stdout
+
+
+def test_a_range_of_speeds_is_refused_with_what_can_be_given(tmp_path: Path) -> None:
+    (tmp_path / "a.geojson").write_text(shapely.to_geojson(shapely.LineString([START, GOAL])))
+    result = checked(tmp_path, tmp_path / "a.geojson", "--speed", "4kn..8kn")
+    assert (result.exit_code, "--arrive-by" in result.stderr) == (2, False)
+    assert "checked at one speed; give one, as 12kn" in result.stderr
 
 
 def test_legs_of_an_rtz_without_a_geometry_have_that_of_its_default_waypoint(
