@@ -284,9 +284,7 @@ class Plan:
     def __repr__(self) -> str:
         """Return the figures of the first routes, in ten lines at most."""
         shown = self.routes[:_MAX_ROUTES]
-        rows = [
-            f"  {route.homotopy}: fuel {route.fuel:.1f}, {route.length:.1f} m" for route in shown
-        ]
+        rows = [f"  {one.homotopy}: fuel {one.fuel:.1f}, {one.length:.1f} m" for one in shown]
         routes, classes = len(self.routes), len(self.rejected)
         head = (
             f"{routes} route{'s' * (routes != 1)}, {classes} class{'es' * (classes != 1)} rejected"
@@ -360,9 +358,7 @@ def _plan_html(plan: Plan) -> str:
         pixels = np.stack([(xy[:, 0] - low[0]) * scale, (high[1] - xy[:, 1]) * scale], axis=1)
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
 
-    water = [
-        f'<polygon points="{place(triangle)}"/>' for route in shown for triangle in route.channel
-    ]
+    water = [f'<polygon points="{place(triangle)}"/>' for one in shown for triangle in one.channel]
     zones = [
         f'<polygon points="{place(np.asarray(part.exterior.coords))}"/>'
         for part in shapely.get_parts(plan.best.soft_no_go)

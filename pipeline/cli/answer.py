@@ -214,9 +214,7 @@ def _details(outcome: Outcome) -> Iterator[str]:
     """Yield what `--verbose` adds: reasons, choices, places, and turns."""
     result = outcome.result
     unused = {
-        f"{name}: {reason}"
-        for grid in outcome.fetched.currents
-        for name, reason in grid.passed_over
+        f"{name}: {reason}" for one in outcome.fetched.currents for name, reason in one.passed_over
     }
     for title, lines in (
         ("Over land of another chart:", note_texts(_crossed(outcome))),

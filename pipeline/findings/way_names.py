@@ -101,9 +101,7 @@ class _WayNamer:
         others = self._distinguishing(key, self._main)
         islands = [self._main, *sorted(others, key=lambda island: self._along(key, island))]
         self._used.update(islands)
-        found = {
-            island: Passage(self._side(key, island), (self._name(island),)) for island in islands
-        }
+        found = {one: Passage(self._side(key, one), (self._name(one),)) for one in islands}
         for one, other in self._straits(key, islands):
             found[one] = Passage("between", (self._name(one), self._name(other)))
             found.pop(other)
@@ -111,9 +109,7 @@ class _WayNamer:
 
     def islands(self) -> tuple[NumberedIsland, ...]:
         """Return the islands in the names so far, the largest first."""
-        return tuple(
-            self._numbered(island, self._names.get(island, "")) for island in sorted(self._used)
-        )
+        return tuple(self._numbered(one, self._names.get(one, "")) for one in sorted(self._used))
 
     def class_islands(self, rejected: frozenset[int]) -> tuple[NumberedIsland, ...]:
         """Return the islands that names of classes number, and that no name of a way has.

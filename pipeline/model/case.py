@@ -342,9 +342,7 @@ class Case:
             areas=tuple(
                 replace(one, begin=one.begin - shift_s, end=one.end - shift_s) for one in self.areas
             ),
-            weather=tuple(
-                replace(field, times_s=field.times_s - shift_s) for field in self.weather
-            ),
+            weather=tuple(replace(one, times_s=one.times_s - shift_s) for one in self.weather),
             tidal_depth=None if depth is None else _later_tides(depth, shift_s),
             departure=None if begin is None else begin + timedelta(seconds=shift_s),
         )

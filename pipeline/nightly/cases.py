@@ -113,9 +113,7 @@ def _head_faults(head: Sequence[str], keys: Sequence[str]) -> list[str]:
     """Return the faults of a header; no column is dropped unread."""
     if len(head) == 1 and ";" in head[0]:
         return ["is separated by ';'; separate by commas, with points in numbers: 119.90,10.00"]
-    faults = [
-        f"unknown column {cell!r}: {near_miss(cell, keys)}" for cell in head if cell not in keys
-    ]
+    faults = [f"unknown column {one!r}: {near_miss(one, keys)}" for one in head if one not in keys]
     if lacking := [key for key in keys if key not in head]:
         faults.append(f"has no column {', '.join(lacking)}; the columns are {', '.join(keys)}")
     if len(set(head)) < len(head):
@@ -390,9 +388,7 @@ def _with_own_currents(config: NightConfig, spec: CaseSpec, scenario: Scenario) 
             raise RequestError([f"currents {catalogue.unknown('source', name, sources)}"])
     named = tuple((config.here(name),) if looks_like_path(name) else name for name in spec.currents)
     seasons = tuple(season.model_copy(update={"currents": named}) for season in scenario.seasons)
-    faults = [
-        f"season {season.name!r} {fault}" for season in seasons for fault in season.member_faults()
-    ]
+    faults = [f"season {one.name!r} {fault}" for one in seasons for fault in one.member_faults()]
     refuse_any(faults)
     return scenario.model_copy(update={"seasons": seasons})
 

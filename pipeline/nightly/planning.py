@@ -150,9 +150,7 @@ class Planning:
 
         make(charts)
         self.failures |= {
-            path: "; ".join(
-                self.newest.ahead[source] for source in sources_of(case.season, case.member)
-            )
+            path: "; ".join(self.newest.ahead[one] for one in sources_of(case.season, case.member))
             for path, case in of_currents.items()
             if not case.block.scenario.is_planar and not self._usable_currents(case)
         }
@@ -268,9 +266,8 @@ def _longest(case: NightCase) -> Scenario:
     scenario, pairs = _scenario(case), [pair for pair in case.block.pairs if pair is not None]
     if not pairs:
         return scenario
-    starts, goals = (
-        np.array([getattr(pair, name) for pair in pairs]) for name in ("start", "goal")
-    )
+    starts = np.array([pair.start for pair in pairs])
+    goals = np.array([pair.goal for pair in pairs])
     farthest = pairs[int(GEOD.inv(*starts.T, *goals.T)[2].argmax())]
     return scenario.model_copy(update={"start": farthest.start, "goal": farthest.goal})
 

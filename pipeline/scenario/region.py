@@ -136,10 +136,8 @@ class ChartSource(_VectorKeys):
 def _as_sources(given: object) -> object:
     """Turn one source into a list of one, and a text into a source by its name or path."""
     return [
-        {"path" if strict.looks_like_path(source) else "name": source}
-        if isinstance(source, str)
-        else source
-        for source in (given if isinstance(given, (list, tuple)) else (given,))
+        {"path" if strict.looks_like_path(one) else "name": one} if isinstance(one, str) else one
+        for one in (given if isinstance(given, (list, tuple)) else (given,))
     ]
 
 

@@ -189,10 +189,7 @@ class _DrawnAreas(BaseModel):
             path = faults.collect(lambda: str(files.path(one, option.key)))
             return f"{path}{comma}{facts}" if path else ""
 
-        known = {
-            option.key: catalogue.choices(option.section) if option.section else ()
-            for option in ASKED
-        }
+        known = {one.key: catalogue.choices(one.section) if one.section else () for one in ASKED}
         given: dict[str, Any] = {}
         for option in ASKED:
             value = getattr(self, option.key)

@@ -238,9 +238,7 @@ def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
         return each[0]
     times = list(zip(each, labels, strict=True))
     faults = [f"at {label} {fault}" for assessment, label in times for fault in assessment.faults]
-    warnings = [
-        f"at {label} {warning}" for assessment, label in times for warning in assessment.warnings
-    ]
+    warnings = [f"at {label} {one}" for assessment, label in times for one in assessment.warnings]
     return Assessment(_first_few(faults), _first_few(warnings))
 
 

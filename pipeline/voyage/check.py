@@ -106,9 +106,7 @@ def check_route(
         scenario, request.output, offline=request.offline, holding=line, on_event=on_event
     )
     options, places = chosen.scenario.planner, chosen.fetched.land.places
-    found = {
-        case.name: _assessed(case, _in_plane(line, case), options) for case in chosen.cases.value
-    }
+    found = {one.name: _assessed(one, _in_plane(line, one), options) for one in chosen.cases.value}
     results, islands, class_islands = way_names(
         chosen.cases.value[0].water, [one for *_, one in found.values()], places
     )

@@ -172,10 +172,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
         "via": [
-            {"at": [point.lon, point.lat], "wait": point.wait}
-            if point.wait
-            else [point.lon, point.lat]
-            for point in via
+            {"at": [one.lon, one.lat], "wait": one.wait} if one.wait else [one.lon, one.lat]
+            for one in via
         ],
         "seasons": [season | about for season in _seasons(request, (start, goal))],
         "planner": planner | {key: width for key, width in widths.items() if width is not None},
@@ -186,9 +184,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     doubtful = [(place.lon, place.lat) for place in places if place.either_order]
     # How a position was read is no news if the other order of its figures is not possible.
     is_doubtful = bool(doubtful) and are_water_swapped(scenario, doubtful)
-    notes = tuple(
-        place.note for place in places if place.note and (is_doubtful or not place.either_order)
-    )
+    notes = tuple(one.note for one in places if one.note and (is_doubtful or not one.either_order))
     has_hours = request.tide or request.waves or request.wind
     if request.until and request.is_still and not has_hours:
         notes += (

@@ -277,10 +277,7 @@ def check_area(name: str, polygon: object) -> None:
 def polygons_of(areas: Sequence[Opening]) -> list[Polygon]:
     """The polygons of some areas."""
     return [
-        part
-        for area in areas
-        for part in shapely.get_parts(area.polygon)
-        if isinstance(part, Polygon)
+        one for area in areas for one in shapely.get_parts(area.polygon) if isinstance(one, Polygon)
     ]
 
 
@@ -375,9 +372,7 @@ class TidalDepth:
     @cached_property
     def tidal_areas(self) -> tuple[TidalArea, ...]:
         """Areas that the tide may shut for some hours."""
-        return tuple(
-            area for area in self._all_areas if area.tide.least < area.need <= area.tide.most
-        )
+        return tuple(one for one in self._all_areas if one.tide.least < one.need <= one.tide.most)
 
     @cached_property
     def never_open(self) -> tuple[ShutArea, ...]:

@@ -174,9 +174,7 @@ class Coverage:
 
     def share(self, state: State) -> float:
         """Share of the route's time in a state, 0 to 1."""
-        times = [
-            stretch.end - stretch.begin for stretch in self.stretches if stretch.state == state
-        ]
+        times = [one.end - one.begin for one in self.stretches if one.state == state]
         return sum(times) / (self.stretches[-1].end - self.stretches[0].begin)
 
     @property

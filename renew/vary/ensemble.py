@@ -114,12 +114,8 @@ def mean_of(fields: Sequence[CurrentField], weights: FloatArray) -> CurrentField
         return FunctionCurrent(
             lambda points: _mean_velocity([field(points) for field in fields], weights)
         )
-    sliced = [
-        field.slices for field in fields if isinstance(field, VaryingCurrent) and field.slices
-    ]
-    if len(sliced) == len(fields) and all(
-        np.array_equal(field.slice_times, clock) for field in fields
-    ):
+    sliced = [one.slices for one in fields if isinstance(one, VaryingCurrent) and one.slices]
+    if len(sliced) == len(fields) and all(np.array_equal(one.slice_times, clock) for one in fields):
         at_times = zip(*sliced, strict=True)
         return VaryingCurrent(clock, [mean_of(then, weights) for then in at_times])
 

@@ -360,9 +360,7 @@ def _cheaper_of_each_class(plan: Plan, slower: Plan) -> Plan:
     cheapest = {route.homotopy: route for route in reversed(by_fuel)}
     # The bound of the first plan holds for all speeds.
     bound = plan.best.fuel_bound
-    routes = [
-        replace(route, fuel_bound=bound) for route in by_fuel if cheapest[route.homotopy] is route
-    ]
+    routes = [replace(one, fuel_bound=bound) for one in by_fuel if cheapest[one.homotopy] is one]
     rejected = {rejection.homotopy: rejection for rejection in (*slower.rejected, *plan.rejected)}
     curves = [curve for curve in (plan.trade_off, slower.trade_off) if curve is not None]
     arrivals = functools.reduce(np.union1d, [curve.arrivals for curve in curves])

@@ -50,7 +50,8 @@ LAYERS: dict[str, dict[str, str]] = table_beside(__file__, "layers.toml")
 
 
 def frame(
-    geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[ArrayLike]]
+    geometry: Sequence[Any] | Geometries,
+    columns: Mapping[str, Sequence[ArrayLike | datetime | None]],
 ) -> GeoDataFrame:
     """Make the frame of a layer, without columns that have no value in it.
 
@@ -231,42 +232,33 @@ def _tidal_water(result: RunResult) -> GeoDataFrame:
         if case.planned is not None and case.planned.tidal_depth is not None
         for area in case.planned.tidal_depth.tidal_areas
     ]
-    return rows_frame(
+    return frame(
         to_lonlat(result, [area.polygon for _, area in areas], ZONE_STEP_M),
-        [
-            {
-                "season": case.name,
-                "name": area.name,
-                "need_m": area.need,
-                "hours": _open_hours(case, area),
-            }
-            for case, area in areas
-        ],
+        {
+            "season": [case.name for case, _ in areas],
+            **columns_of([area for _, area in areas], "name", need_m="need"),
+            "hours": [_open_hours(case, area) for case, area in areas],
+        },
     )
 
 
 def _over_limit(result: RunResult) -> GeoDataFrame:
     """Return water where wind or waves are over a limit, with the hours of each case's voyage."""
     areas = [
-        (case.name, case.case, area)
+        (case.case, area)
         for case in result.cases
         if case.planned is not None
         for area in case.planned.areas
         if isinstance(area, renew.OverLimit) and math.isfinite(area.most)
     ]
-    return rows_frame(
-        to_lonlat(result, [area.polygon for *_, area in areas], ZONE_STEP_M),
-        [
-            {
-                "season": name,
-                "name": area.name,
-                "worst": area.most,
-                "unit": area.unit,
-                "shut_from": _dated(case, area.begin),
-                "shut_until": _dated(case, area.end),
-            }
-            for name, case, area in areas
-        ],
+    return frame(
+        to_lonlat(result, [area.polygon for _, area in areas], ZONE_STEP_M),
+        {
+            "season": [case.name for case, _ in areas],
+            **columns_of([area for _, area in areas], "name", "unit", worst="most"),
+            "shut_from": [_dated(case, area.begin) for case, area in areas],
+            "shut_until": [_dated(case, area.end) for case, area in areas],
+        },
     )
 
 
@@ -576,10 +568,7 @@ def _diversions(result: RunResult) -> GeoDataFrame:
 def _coverage(result: RunResult) -> GeoDataFrame:
     """Return the stretches of the best routes, each in one state."""
     found = [
-        (case, row)
-        for case in result.cases
-        for row in haven_rows(case)
-        if row.kind not in LAST_TURNS
+        (one, row) for one in result.cases for row in haven_rows(one) if row.kind not in LAST_TURNS
     ]
     rows = [row for _, row in found]
     return frame(

@@ -304,11 +304,9 @@ def _case_labels(layer: str, view: View) -> list[dict[str, Any]]:
         ]
     ends = '"rank" = 1 AND ("sequence" = 1 OR "course_deg" IS NULL)'
     return [
-        _label(
-            {"expression": '"name"', "condition": f"{ends} AND {_of(case)}", "size_pt": 10}, view
-        )
-        for case in view.cases
-        if layer == "passage" and (case is view.lead or len(view.cases) == 1)
+        _label({"expression": '"name"', "condition": f"{ends} AND {_of(one)}", "size_pt": 10}, view)
+        for one in view.cases
+        if layer == "passage" and (one is view.lead or len(view.cases) == 1)
     ]
 
 

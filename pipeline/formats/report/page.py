@@ -171,16 +171,12 @@ def _doubts(result: RunResult) -> Iterator[Notice]:
     yield (
         "The current is not known",
         tuple(
-            (case.title, f": {_lacking(case.source_grid)}")
-            for case in with_grid
-            if case.lacks_current
+            (one.title, f": {_lacking(one.source_grid)}") for one in with_grid if one.lacks_current
         ),
     )
     yield (
         "Check the official chart: land of another shoreline on other routes",
-        tuple(
-            (case.title, f": {said}") for case in result.cases if (said := _crossed_beside(case))
-        ),
+        tuple((one.title, f": {said}") for one in result.cases if (said := _crossed_beside(one))),
     )
     stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
     told = {*stand_ins, *(note for note in result.decisions if note.kind == "current-used")}

@@ -212,9 +212,7 @@ def coordinate_names(dataset: Dataset, dim: str) -> tuple[str, ...]:
     if dim in dataset.variables and dataset.variables[dim].ndim == 1:
         with reading():
             values = dataset.variables[dim].values.tolist()
-    texts = [
-        value.decode(errors="replace") if isinstance(value, bytes) else value for value in values
-    ]
+    texts = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in values]
     names = [clean(text) if isinstance(text, str) else text for text in texts]
     if not names or not all(isinstance(name, str) for name in names):
         raise ValueError(f"{dim} has no names; add the coordinate: ['M2', 'S2', …]")

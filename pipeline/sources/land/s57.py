@@ -294,20 +294,13 @@ def land(
     parts = _visible_cells(cells, box)
     covered = shapes.merged([part.covered for part in parts])
     depths = [tuple(_depth_areas(part)) for part in parts]
-    safe = [
-        [depth_area.area for depth_area in areas if depth_area.least_m >= least_m]
-        for areas in depths
-    ]
-    sea = shapes.merged([area for areas in safe for area in areas])
+    safe = [one.area for areas in depths for one in areas if one.least_m >= least_m]
     # An unknown depth is NaN, and so not deep enough.
     shoals = [
-        shapes.merged(
-            [depth_area.area for depth_area in areas if not depth_area.least_m >= least_m]
-        )
-        for areas in depths
+        shapes.merged([one.area for one in areas if not one.least_m >= least_m]) for areas in depths
     ]
     # A cell's depth areas must not overlap; where they do, the shallower one counts.
-    sea = shapes.subtract(sea, shapes.merged(shoals))
+    sea = shapes.subtract(shapes.merged(safe), shapes.merged(shoals))
     hazards = [zone for part in parts for zone in _hazards(part, sea, least_m)]
     unsafe = shapes.extract_polygons(shapes.subtract(covered, sea))
     uncharted = shapes.subtract(box, covered)
