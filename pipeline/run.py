@@ -140,38 +140,24 @@ def run(
 ) -> Outcome:
     """Run a scenario and write its results to `output/<scenario>/`.
 
+    Raises RequestError if the request is wrong: nothing was written to the scenario's folder;
+    StageError if no season could be planned for another reason, or the results can't be written.
+
     Parameters
     ----------
-    scenario
-        The scenario to plan.
-    output
-        Folder of all results, and of the store with the artefacts that the next run reuses.
-    offline
-        Use no source that needs the network.
-    strict
-        Plan nothing if a season's first choice of currents can't be used.
-    scheduler
-        Address of a Dask scheduler whose workers have access to the same files; default:
+    output : folder of all results, and of the store with the artefacts that the next run reuses.
+    offline : use no source that needs the network.
+    strict : plan nothing if a season's first choice of currents can't be used.
+    scheduler : address of a Dask scheduler whose workers have access to the same files; default:
         DASK_SCHEDULER_ADDRESS, or else the cores of this machine.
-    limit_s
-        Time limit of a season, s; a season that takes longer fails, and the others are written.
-    origin
-        The file that the scenario was loaded from; results of another file are not replaced.
-    on_event
-        Called with the events of every stage and season.
-    on_step
-        Called with a season and each step of its plan, path in degrees, in the thread that plans.
-    on_result
-        Called with the result in each region tried, and at the end with the bounds on other sides.
-    said
-        How the request was read where it could be read otherwise; results say it, too.
-
-    Raises
-    ------
-    RequestError
-        The request is wrong; nothing was written to the scenario's folder.
-    StageError
-        No season could be planned for another reason, or the results can't be written.
+    limit_s : time limit of a season, s; one that takes longer fails, and the others are written.
+    origin : the file that the scenario was loaded from; results of another file are not replaced.
+    on_event : called with the events of every stage and season.
+    on_step : called with a season and each step of its plan, path in degrees, in the thread that
+        plans.
+    on_result : called with the result in each region tried, and at the end with the bounds on other
+        sides.
+    said : how the request was read where it could be read otherwise; results say it, too.
     """
     require_covered(scenario)
     started = time.perf_counter()

@@ -7,6 +7,7 @@ output has to look again. Texts of our own are in tables, which `table_beside` r
 import re
 import tomllib
 import unicodedata
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,15 @@ def clean(text: str, limit: int = 2000) -> str:
 def seen(text: str) -> str:
     """Return a text of several lines without what a terminal obeys or doesn't show."""
     return _UNSEEN.sub("", _CONTROLS.sub("\N{REPLACEMENT CHARACTER}", text))
+
+
+def with_texts(value: object, change: Callable[[str], str]) -> object:
+    """Return a value for JSON with its texts changed, except keys; tuples become lists."""
+    if isinstance(value, str):
+        return change(value)
+    if isinstance(value, dict):
+        return {key: with_texts(one, change) for key, one in value.items()}
+    return [with_texts(one, change) for one in value] if isinstance(value, list | tuple) else value
 
 
 def acts(name: str) -> str:

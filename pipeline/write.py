@@ -47,13 +47,9 @@ def write(
     nobody sails an outdated route. Returns the files, the manifest last. Raises StageError if the
     files can't be written; earlier files are unchanged. The message has the remedy.
 
-    Parameters
-    ----------
-    result : the planned and evaluated run.
-    directory : the run's own folder; see `output_directory`.
-    on_file : called before each file is written, with its name and number: "report.html (3 of 12)".
-    late : takes the unexpected errors of single files, which are left out; by default they are
-        raised.
+    `on_file` is called before each file is written, with its name and number: "report.html (3 of
+    12)". `late` takes the unexpected errors of single files, which are left out; by default they
+    are raised.
     """
     from pipeline.formats.records import write_manifest
 

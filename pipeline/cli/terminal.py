@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import typer
 
 from pipeline.sources.copernicus.client import without_secrets
+from pipeline.texts import with_texts
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -94,21 +95,12 @@ def json_lines(stream: TextIO) -> Any:  # noqa: ANN401 - a structlog logger, typ
             structlog.processors.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             # A message may quote an address or a reply.
-            lambda _logger, _method, said: {name: _hidden(one) for name, one in said.items()},
+            lambda _logger, _method, said: {
+                name: with_texts(one, without_secrets) for name, one in said.items()
+            },
             structlog.processors.JSONRenderer(ensure_ascii=False),
         ],
     )
-
-
-def _hidden(value: object) -> object:
-    """Return the value with credentials hidden in its texts."""
-    if isinstance(value, str):
-        return without_secrets(value)
-    if isinstance(value, dict):
-        return {name: _hidden(inner) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_hidden(inner) for inner in value]
-    return value
 
 
 def log_event(log: Any, status: str, fields: dict[str, object]) -> None:  # noqa: ANN401 - of `json_lines`

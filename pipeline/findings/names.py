@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pipeline.texts import table_beside
+from pipeline.texts import table_beside, with_texts
 
 if TYPE_CHECKING:
     from pipeline.model import RouteMetrics
@@ -50,13 +50,11 @@ _ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)+([^\s/'\",;]+)")
 
 def without_folders(value: object) -> object:
     """Return a value for JSON in whose texts files are named without their folders."""
-    if isinstance(value, str):
-        return Path(value).name if Path(value).is_absolute() else _ABSOLUTE.sub(r"\1", value)
-    if isinstance(value, dict):
-        return {key: without_folders(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [without_folders(one) for one in value]
-    return value
+
+    def named(text: str) -> str:
+        return Path(text).name if Path(text).is_absolute() else _ABSOLUTE.sub(r"\1", text)
+
+    return with_texts(value, named)
 
 
 class Column(NamedTuple):

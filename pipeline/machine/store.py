@@ -215,15 +215,9 @@ def prune(
 ) -> Freed:
     """Remove unfinished files, and artefacts and downloads until a store is small enough.
 
-    Must not be called while a run uses the store.
-
-    Parameters
-    ----------
-    root : the store's folder.
-    max_bytes : size that may remain; files used longest ago are removed first.
-    used_before : all files last used before this time (s since 1970) are removed.
-    keep_since : all files used after this time (s since 1970) stay, whatever their size; 0 for no
-        limit.
+    At most `max_bytes` remain: files used longest ago are removed first. All files last used before
+    `used_before` (s since 1970) are removed, and all used after `keep_since` stay, whatever their
+    size; 0 for no limit. Must not be called while a run uses the store.
     """
     remove_unfinished(root)
     items = sorted(_items(root))

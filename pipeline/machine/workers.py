@@ -248,12 +248,8 @@ class Work(Protocol):
 class LocalWorkers:
     """Workers of this machine, for tasks; the processes stay from one `run` to the next.
 
-    Parameters
-    ----------
-    count : number of processes.
-    limit_s : time limit of a task, s; after it its process is killed.
-    resident_bytes : memory of a process above which it is killed; 0: no limit.
-    variables : as those of `Worker`.
+    A process is killed after the time limit of a task, `limit_s`, and if it has more memory than
+    `resident_bytes`; 0: no limit. `variables` are as those of `Worker`.
     """
 
     def __init__(

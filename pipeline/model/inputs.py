@@ -107,12 +107,9 @@ class Place:
 class Note:
     """Something that a reader should know; `pipeline.findings.note_words` puts it in words.
 
-    Attributes
-    ----------
-    kind : its subject, one of the kinds for which there are words.
-    values : the figures by their names: numbers, names, places, dates, other notes, tuples of them;
-        units are in the names.
-    cases : the cases that the note is about; empty if it is about all.
+    `kind` is one of the kinds for which there are words. `values` are the figures by their names:
+    numbers, names, places, dates, other notes, tuples of them; units are in the names. `cases` are
+    those that the note is about; empty if it is about all.
     """
 
     kind: str
@@ -495,6 +492,17 @@ class CurrentSource(Protocol):
         """
         ...
 
+    def refusal(
+        self, name: str, region: Polygon, case: Season, folder: Path, *, offline: bool
+    ) -> str:
+        """Say why the source, of a name, can't be used now, with the remedy; empty when it can."""
+        uncovered = self.uncovered_reason(region, case)
+        if uncovered or not self.needs_network(region, case, folder):
+            return uncovered
+        if offline:
+            return f"{name} needs the network; leave --offline out"
+        return self.unavailable_reason()
+
     def issue(self, case: Season) -> Issue:
         """Return which issue of the data there is now.
 
@@ -504,17 +512,11 @@ class CurrentSource(Protocol):
         ...
 
     def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
-        """Return the current on the source's own grid.
+        """Return the current of a case in a region, lon/lat degrees, on the source's own grid.
 
-        Raises StageError if the data could not be downloaded, or failed the acceptance check;
-        RequestError if the user's own file is invalid.
-
-        Parameters
-        ----------
-        region : lon/lat degrees.
-        case : the period, and how its field is made of time steps.
-        land : land near the region, against which gaps in the data are checked.
-        folder : where downloads are cached.
+        Gaps in the data are checked against the land near the region; downloads are cached in the
+        folder. Raises StageError if the data could not be downloaded, or failed the acceptance
+        check; RequestError if the user's own file is invalid.
         """
         ...
 

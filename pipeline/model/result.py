@@ -56,14 +56,11 @@ class RouteMetrics:
     """One route's figures, measured against the original land, as `columns.toml` describes them.
 
     What a table leaves empty is None or NaN; infinite are the clearance where there is no land, and
-    the time adrift where none is reached within 72 h.
-
-    Attributes
-    ----------
-    still_fuel : fuel of the same way in still water; where speeds are chosen, at its mean speed.
-    energy : what a unit of fuel is; None where the vessel's power is not known.
-    passages : how it passes the islands that distinguish it from the case's other routes: the
-        main island first, then the others in their order on the way.
+    the time adrift where none is reached within 72 h. `still_fuel` is the fuel of the same way in
+    still water; where speeds are chosen, at its mean speed. `energy` is what a unit of fuel is;
+    None where the vessel's power is not known. `passages` say how it passes the islands that
+    distinguish it from the case's other routes: the main island first, then the others in their
+    order on the way.
     """
 
     rank: int

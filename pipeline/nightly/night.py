@@ -95,13 +95,10 @@ def run_night(
     older than the last cycle's (exit code 5); StageError if nothing could be published (exit code
     1); finished parts are kept for the next run.
 
-    Parameters
-    ----------
-    config : the request.
-    only : a case's name, or its first parts: only matching cases are planned, in `OUTPUT/only/`.
-    scheduler : address of a Dask scheduler whose workers have access to the same files; default:
-        DASK_SCHEDULER_ADDRESS, or else processes of this machine.
-    on_event : called with the events of every stage.
+    With `only`, a case's name or its first parts, only matching cases are planned, in
+    `OUTPUT/only/`. `scheduler` is the address of a Dask scheduler whose workers have access to the
+    same files; default: DASK_SCHEDULER_ADDRESS, or else processes of this machine. `on_event` is
+    called with the events of every stage.
     """
     return _Night(
         config, expand(config, only=only), only, scheduler, on_event or (lambda _: None)

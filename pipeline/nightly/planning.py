@@ -276,12 +276,9 @@ def _longest(case: NightCase) -> Scenario:
 class BatchWork:
     """The batches of a night, as `Work` of the workers.
 
-    Parameters
-    ----------
-    charts : the cases to plan on each chart, by its path.
-    batch : returns the batch of some cases.
-    on_broken : called with a case that has killed _DEATHS workers.
-    on_done : called with the rows of each batch.
+    `charts` are the cases to plan on each chart, by its path; `batch` returns the batch of some
+    cases. `on_broken` is called with a case that has killed _DEATHS workers, and `on_done` with the
+    rows of each batch.
     """
 
     charts: Mapping[Path, Iterable[NightCase]]
@@ -350,17 +347,11 @@ def _batch_size(waiting: int, seconds: float | None, workers: int) -> int:
 def night_workers(
     scheduler: str | None, *, workers: int | None, memory_gb: float, shared: Path
 ) -> Iterator[Fleet | LocalWorkers]:
-    """Yield the workers of a scheduler or of this machine.
+    """Yield the workers of a scheduler or of this machine, which can read the file `shared`.
 
-    Raises StageError if there are no workers, or a worker can't plan.
-
-    Parameters
-    ----------
-    scheduler : address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else processes of
-        this machine.
-    workers : number of local workers; default: one per core.
-    memory_gb : memory limit of a local worker, GB.
-    shared : a file in the output folder that all workers must be able to read.
+    The scheduler's address is by default DASK_SCHEDULER_ADDRESS; without either, workers are
+    processes of this machine, by default one per core, with a memory limit, GB, for each. Raises
+    StageError if there are no workers, or a worker can't plan.
     """
     import dask
 

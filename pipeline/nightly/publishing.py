@@ -251,15 +251,10 @@ def page_text(
     chart_of: Callable[[int], NightChart | None],
     earlier: Mapping[str, records.EarlierRoute],
 ) -> str:
-    """Return the page of a cycle.
+    """Return the page of a cycle, with the rows of its `cases`, and `notes` at its top.
 
-    Parameters
-    ----------
-    newest : the cycle's currents.
-    cases : the rows of its cases.
-    notes : sentences at the top of the page.
-    chart_of : returns the chart of a case by its index; None if it could not be made.
-    earlier : yesterday's routes by the case.
+    `chart_of` returns the chart of a case by its index, None if it could not be made; `earlier` are
+    yesterday's routes by the case.
     """
     counts: Counter[str] = Counter(dict.fromkeys(records.OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}

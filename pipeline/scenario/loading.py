@@ -38,15 +38,11 @@ def load_scenario(
 ) -> Scenario:
     """Load a scenario by its name in the catalogue, by its path, or from a file that was read.
 
-    Raises RequestError if not found, not a scenario, or invalid: one line for each fault.
-
-    Parameters
-    ----------
-    asked : the name, the path or the file. Relative paths in the file start at its own folder.
-    charts : tables of sources of land that replace those of the scenario's chart.
-    currents : files that belong together, and sources of the catalogue in order of preference: they
-        replace every season's currents; seasons that embedded tables lack are left out.
-    on_note : called with a note for each season left out.
+    Relative paths in the file start at its own folder. `charts` are tables of sources of land that
+    replace those of the scenario's chart. `currents` are files that belong together, and sources of
+    the catalogue in order of preference: they replace every season's currents; seasons that
+    embedded tables lack are left out, and `on_note` is called with a note for each. Raises
+    RequestError if not found, not a scenario, or invalid: one line for each fault.
     """
     path, _, table = catalogue.read_scenario(asked) if isinstance(asked, str) else asked
     if not {"start", "goal", "seasons"} & table.keys():

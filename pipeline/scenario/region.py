@@ -46,9 +46,7 @@ class Region(StrictModel):
         """The region as a polygon, lon/lat degrees."""
         import shapely
 
-        if self.bbox is not None:
-            return shapely.box(*self.bbox)
-        return shapely.Polygon(self.polygon)
+        return shapely.box(*self.bbox) if self.bbox is not None else shapely.Polygon(self.polygon)
 
 
 # Largest width and height of a plane, m: beyond it the earth is not flat.

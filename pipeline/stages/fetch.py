@@ -23,11 +23,11 @@ from pipeline.findings.text import season_text
 from pipeline.geo.projection import GEOD
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, Note, Place
-from pipeline.model.inputs import CurrentSource, LandSource, current_notes, of_cases
+from pipeline.model.inputs import LandSource, current_notes, of_cases
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Plane, Region
-from pipeline.scenario.season import MAX_HOURS, Currents, Season, source_name
+from pipeline.scenario.season import MAX_HOURS, Season, source_name
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.land.osm import OsmLand
@@ -211,20 +211,21 @@ class Fetcher:
         It is a StageError if a source was tried and failed, so that the request is not at fault.
         """
         passed_over: list[tuple[str, str]] = []
-        was_tried = False
+        shape, downloads, was_tried = self.region.shape, self.store.root / DOWNLOADS, False
         for named in season.currents:
             source = current_source(named, season.members, season.current_variables)
             name = source_name(named)
             key = artefact_key("current", source.identity(season), self._outline, season.name)
             # A stored current needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)
-            if grid is None and (refusal := self._refusal(source, named, season)):
-                passed_over.append((name, refusal))
-                continue
             if grid is None:
+                refusal = source.refusal(name, shape, season, downloads, offline=self.offline)
+                if refusal:
+                    passed_over.append((name, refusal))
+                    continue
                 try:
                     folder = self.store.folder(DOWNLOADS)
-                    grid = source.current(self.region.shape, season, self.dry_land, folder)
+                    grid = source.current(shape, season, self.dry_land, folder)
                 except MachineError:
                     raise
                 except (StageError, RequestError) as error:
@@ -237,16 +238,6 @@ class Fetcher:
         reasons = "; ".join(reason for _, reason in passed_over)
         text = f"no source of currents could be used: {reasons}"
         return StageError(text) if was_tried else RequestError(text)
-
-    def _refusal(self, source: CurrentSource, named: Currents, season: Season) -> str:
-        """Return why a source can't be used, or "" if it can."""
-        shape, folder = self.region.shape, self.store.root / DOWNLOADS
-        uncovered = source.uncovered_reason(shape, season)
-        if uncovered or not source.needs_network(shape, season, folder):
-            return uncovered
-        if self.offline:
-            return f"{source_name(named)} needs the network; leave --offline out"
-        return source.unavailable_reason()
 
 
 def _plane_data(scenario: Scenario, plane: Plane) -> Fetched:

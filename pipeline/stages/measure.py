@@ -265,9 +265,7 @@ class _RouteEvaluator:
         self, route: renew.Route, known: KnownCells | DepthCover | None, otherwise: float
     ) -> float:
         """Return the share of a route where nothing is known; `otherwise` if nothing could be."""
-        if known is None:
-            return otherwise
-        return share_without(route.path, self._projection, known.at)
+        return otherwise if known is None else share_without(route.path, self._projection, known.at)
 
     def _over_land(self, line: shapely.LineString) -> tuple[float, float, float]:
         """Return true metres of a route over original land, and lon, lat of the longest part."""

@@ -73,15 +73,10 @@ def plan_cases(
     Returns the results of all cases, in the scenario's order. Raises PipelineError if no case has a
     plan; NoWayError if a wider region might have a way.
 
-    Parameters
-    ----------
-    chosen : the complete scenario, its data and its cases.
-    land : the simplified land.
-    on_case : called at the end of each case whose result was not in the store.
-    scheduler, limit_s : where the tasks run, see `run_tasks`, and the time limit of each, s.
-    meanwhile : called before planning, unless the store has all results; it starts work for other
-        threads.
-    on_step : called with the steps of the cases that are planned in threads of this process.
+    `on_case` is called at the end of each case whose result was not in the store; `scheduler` and
+    `limit_s` are as in `run_tasks`. `meanwhile` is called before planning, unless the store has all
+    results; it starts work for other threads. `on_step` is called with the steps of the cases that
+    are planned in threads of this process.
     """
     tasks = list(_tasks(chosen, land, store))
     cases = {case.name: case for case in chosen.cases.value}

@@ -185,11 +185,7 @@ def _covered_by(
     for named in season.currents:
         source = current_source(named, season.members, season.current_variables)
         name = source_name(named)
-        reason = source.uncovered_reason(ends, season)
-        if not reason and source.needs_network(ends, season, folder):
-            reason = source.unavailable_reason()
-            if offline:
-                reason = f"{name} needs the network; leave --offline out"
+        reason = source.refusal(name, ends, season, folder, offline=offline)
         bounds = source.covered_bounds(shapely.box(*world), season)
         if not reason and bounds is not None:
             return bounds, name

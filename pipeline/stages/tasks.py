@@ -83,20 +83,15 @@ def run_tasks(
     work: Callable[[TaskT], str],
     limit_s: float | None = None,
 ) -> None:
-    """Run tasks, and report the status of each as it ends.
+    """Run independent tasks, and report the status of each, in the caller's thread, as it ends.
+
+    `scheduler` is the address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either,
+    tasks run in threads of this process, because a new process would take as long to import as a
+    plan takes; `work` does one, and returns its failure or "". Tasks with a time limit, `limit_s`,
+    run in processes, because a process can be killed.
 
     If a scheduler or all its workers die, the unfinished tasks are reported as failed. Raises
     StageError if a scheduler can't be reached or has no workers, or a worker can't plan.
-
-    Parameters
-    ----------
-    tasks : independent of each other.
-    scheduler : address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks
-        run in threads of this process, because a new process would take as long to import as a plan
-        takes. Tasks with a time limit run in processes, because a process can be killed.
-    on_status : called in the caller's thread.
-    work : does a task in a thread of this process, and returns its failure or "".
-    limit_s : time limit of a task, s.
     """
     if not tasks:
         return

@@ -133,9 +133,7 @@ def check_start_open(request: Request, departure: float) -> None:
             shut.append(request.areas[at])
     if opens <= departure:
         return
-    remedy = "It does not open again: move it"
-    if opens < math.inf:
-        remedy = "Depart after {2}"
+    remedy = "Depart after {2}" if opens < math.inf else "It does not open again: move it"
     named = _named(shut, departure)
     opening = [errors.Moment(opens)] * (opens < math.inf)
     raise errors.ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, *opening)

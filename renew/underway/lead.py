@@ -492,6 +492,4 @@ def follow(
         if drawn is None:
             raise
         return drawn
-    if drawn is not None and planned.fuel > (1 - _WORTH) * drawn.fuel:
-        return drawn
-    return planned
+    return drawn if drawn is not None and planned.fuel > (1 - _WORTH) * drawn.fuel else planned

@@ -221,9 +221,7 @@ def replan(
     old, new = _fuels_of(ahead, voyage, asked)
     is_proven = request.current is asked.current and place.is_proven(voyage, float(time), begun)
     is_in_time = voyage.current.is_steady or abs(time - place.due) <= ON_TIME
-    track = None
-    if is_proven and is_in_time:
-        track = track_ahead(route.trajectory, at, float(time))
+    track = track_ahead(route.trajectory, at, float(time)) if is_proven and is_in_time else None
     answer: Answer = "no way"
     plan: Plan | None = None
     kept: Route | None = None

@@ -105,11 +105,6 @@ class Cell:
     repaired: int = 0
     warnings: tuple[str, ...] = ()
 
-    @property
-    def producer(self) -> str:
-        """Code of the producing agency, such as US: the first two letters of the name."""
-        return self.name[:2]
-
 
 def base_files(path: Path) -> tuple[Path, ...]:
     """Find the base files (.000) of all cells in a folder and below it, or that of the file given.
@@ -281,14 +276,10 @@ _NOAA_TERMS = "NOAA ENC user agreement: free use and redistribution; no longer a
 def land(
     cells: Iterable[Cell], box: shapely.Polygon, region: shapely.Polygon, rule: DepthRule
 ) -> Land:
-    """Make everything no-go that is not known to be water deep enough.
+    """Make everything no-go that is not known to be water deep enough by a rule.
 
-    Parameters
-    ----------
-    cells : in the box's longitudes.
-    box : lon/lat degrees; the chart is cut along it.
-    region : the part of the box that the notes and the accuracy refer to.
-    rule : which depths are deep enough.
+    The cells are in the longitudes of the box, lon/lat degrees, along which the chart is cut. The
+    region is the part of it that the notes and the accuracy refer to.
     """
     least_m = rule.least_m
     parts = _visible_cells(cells, box)
@@ -500,8 +491,8 @@ def _poor(parts: Sequence[Cell]) -> Geometries:
 
 def _credits(cells: Sequence[Cell]) -> Iterator[Credit]:
     """Yield a credit for each producer, naming its cells with their editions."""
-    for producer in sorted({cell.producer for cell in cells}):
-        own = [cell for cell in cells if cell.producer == producer]
+    for producer in sorted({cell.name[:2] for cell in cells}):  # the agency's code, such as US
+        own = [cell for cell in cells if cell.name[:2] == producer]
         issuer = "NOAA" if producer == "US" else f"Producer {producer}"
         editions = "; ".join(
             f"{cell.name} (1:{cell.scale:,}) edition {cell.edition}, update {cell.update}, issued "
