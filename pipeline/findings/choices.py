@@ -47,9 +47,8 @@ def departure_text(choice: model.DepartureChoice) -> tuple[str, ...]:
         begin, end = choice.good_window(AS_GOOD)
         if end > begin:
             sentences.append(
-                f"Every departure planned from {_moment(choice, begin)} to "
-                f"{_moment(choice, end)} needs at most {text.percent(AS_GOOD, 0)} more than the "
-                "best."
+                f"Every departure planned from {_moment(choice, begin)} to {_moment(choice, end)} "
+                f"needs at most {text.percent(AS_GOOD, 0)} more than the best."
             )
     shut = len(choice.fuels) - count
     if shut:

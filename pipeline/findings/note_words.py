@@ -226,9 +226,8 @@ def _narrow_stretch(
         fits = f"the largest turning circle that fits is {text.distance(kept_m)}"
     return (
         f"no room to turn hard over on route {rank} for {text.distance(length_m)}, from "
-        f"{begin.text} to {end.text}: a turn to {side} would meet {no_go}. "
-        f"{wide} a turn takes {text.distance(needed_m)} to a side; at this speed "
-        f"{fits}: slow down, or take a tug"
+        f"{begin.text} to {end.text}: a turn to {side} would meet {no_go}. {wide} a turn takes "
+        f"{text.distance(needed_m)} to a side; at this speed {fits}: slow down, or take a tug"
     )
 
 

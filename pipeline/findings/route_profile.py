@@ -1,7 +1,6 @@
 """The profile of a route: its legs as a navigator needs them, and its values at points along it."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -12,6 +11,7 @@ from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.findings.result import RankedRoute
 from pipeline.geo.projection import GEOD, Projection, cut, densified
 from pipeline.model import Case
+from renew.inputs.chart_and_vessel import edges_of
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage, speeds_along
 
@@ -308,13 +308,6 @@ def closest_approach(
     lengths = [projection.geodesic_length_m(gap) for gap in gaps]
     best = int(np.argmin(lengths))
     return gaps[best, 0], lengths[best]
-
-
-def edges_of(areas: Sequence[shapely.Geometry]) -> FloatArray:
-    """Return endpoints (n, 2, 2) of the edges of all rings of areas."""
-    rings = shapely.get_rings(shapely.get_parts(np.array(areas, dtype=object)))
-    points, ring = shapely.get_coordinates(rings, return_index=True)
-    return np.asarray(np.stack([points[:-1], points[1:]], axis=1)[ring[:-1] == ring[1:]])
 
 
 # Polygons are hashed by their coordinates, which takes a hundredth of the time of the tree.

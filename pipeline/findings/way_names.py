@@ -243,8 +243,13 @@ class _WayNamer:
         return np.asarray(np.mean([self._abeam(key, island) for key in keys], axis=0))
 
     def _direction_from(self, key: RouteKey, island: int) -> FloatArray:
-        """Return the mean direction (2,) from an island to a route abeam of it."""
-        return _direction_abeam(self._routes[key].path, self._centre(island))
+        """Return the mean direction (2,) from an island to the points of a route abeam of it."""
+        line = shapely.LineString(self._routes[key].path)
+        points = line.interpolate(np.linspace(0, 1, _SAMPLES), normalized=True)
+        vectors = shapely.get_coordinates(points) - self._centre(island)
+        distance = np.linalg.norm(vectors, axis=1)
+        near = distance <= _NEAR * max(float(distance.min()), 1e-9)
+        return np.asarray((vectors[near] / np.maximum(distance[near], 1e-9)[:, None]).mean(axis=0))
 
     def _line_between(self, one: int, other: int) -> shapely.LineString:
         """Return the shortest line between two islands."""
@@ -343,16 +348,6 @@ def _crosses(path: FloatArray, gap: shapely.LineString) -> bool:
     """Whether a path (n, 2) crosses the line of a gap an odd number of times."""
     places = shapely.intersection(shapely.LineString(path), gap)
     return not places.is_empty and shapely.get_num_geometries(places) % 2 == 1
-
-
-def _direction_abeam(path: FloatArray, centre: FloatArray) -> FloatArray:
-    """Return the mean direction (2,) from a centre to the points of a path (n, 2) abeam of it."""
-    line = shapely.LineString(path)
-    steps = np.linspace(0, 1, _SAMPLES)
-    vectors = shapely.get_coordinates(line.interpolate(steps, normalized=True)) - centre
-    distance = np.linalg.norm(vectors, axis=1)
-    near = distance <= _NEAR * max(float(distance.min()), 1e-9)
-    return np.asarray((vectors[near] / np.maximum(distance[near], 1e-9)[:, None]).mean(axis=0))
 
 
 # Largest distance between a side and the catalogue's, degrees: the catalogue is drawn at 1:10m,

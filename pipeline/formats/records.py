@@ -142,10 +142,8 @@ def _inputs(result: RunResult) -> dict[str, object]:
             "has_depths": result.fetched.land.depths is not None,
         },
         "simplified": {
-            "original_vertices": result.simplified.original_vertices,
-            "vertices": result.simplified.vertices,
-            "tolerance_m": result.simplified.tolerance_m,
-            "margin_m": result.simplified.margin_m,
+            name: getattr(result.simplified, name)
+            for name in ("original_vertices", "vertices", "tolerance_m", "margin_m")
         },
         "currents": {
             grid.case: {
@@ -303,13 +301,8 @@ def _time(
     if valid is None:
         return {}
     middle = (valid.begin.timestamp() + valid.end.timestamp()) / 2
-    return {
-        "time": (
-            (),
-            middle,
-            {**_TIME, "long_name": "middle of the period that the values represent"},
-        )
-    }
+    about = {**_TIME, "long_name": "middle of the period that the values represent"}
+    return {"time": ((), middle, about)}
 
 
 def valid_period(grid: CurrentGrid) -> Period | None:

@@ -207,8 +207,7 @@ def _waiting_faults(scenario: Scenario) -> Iterator[str]:
             yield (
                 f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
                 "'departure', with a [tide], [limits], hours in [[avoid]] or time_method = "
-                "'changing', or "
-                "leave the wait out"
+                "'changing', or leave the wait out"
             )
 
 
@@ -239,10 +238,9 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
         ("chart.source", source.path, "a vector file, or a folder of S-57 cells")
         for source in chart.source
     ]
+    listed = "" if havens is None else havens.path
     named.append(("chart.depths", chart.depths, "a GEBCO or EMODnet grid in NetCDF"))
-    named.append(
-        ("havens.path", "" if havens is None else havens.path, "a GeoJSON file with points")
-    )
+    named.append(("havens.path", listed, "a GeoJSON file with points"))
     for key, path, what in named:
         if path and (reason := paths.unreadable_reason(path)):
             remedy = f"; give {what}" if reason == paths.NOT_THERE else ""

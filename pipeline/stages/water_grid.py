@@ -172,8 +172,8 @@ class WaterGrid:
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
             first, second = _shifted(self.is_water, down, right)
             passable = first & second
-            if down and right:
-                passable &= _corner(self.is_water, right)
+            if down and right:  # both cells beside a diagonal step are water, too
+                passable &= np.logical_and(*_shifted(self.is_water, down, -right))
             one, other = _shifted(number, down, right)
             steps = np.hypot(down * up, right * _shifted(across, down, right)[0])
             here.append(one[passable])
@@ -191,14 +191,6 @@ def _shifted(
         columns = values.shape[1] - right
         return values[:rows, :columns], values[down:, right:]
     return values[:rows, 1:], values[down:, :-1]
-
-
-def _corner(is_water: BoolArray, right: int) -> BoolArray:
-    """Whether both cells beside a diagonal step down and right (-1 or 1) are water."""
-    upper, lower = is_water[:-1], is_water[1:]
-    if right > 0:
-        return np.asarray(upper[:, 1:] & lower[:, :-1])
-    return np.asarray(upper[:, :-1] & lower[:, 1:])
 
 
 # Margin around endpoints, ways and islands: a share of the voyage's distance; its minimum, m.

@@ -353,10 +353,9 @@ def check_pace(voyage: Voyage) -> None:
     if change > limit:
         raise errors.ParameterError(
             f"the current changes by {change:.3g} m/s each second; more than {limit:.3g} m/s a "
-            f"second can't be followed by a vessel of "
-            f"{vessel.speed:.3g} m/s that turns by {math.degrees(vessel.turn_rate):.3g}° a second. "
-            f"Give the current's mean over {vessel.turn_period:.3g} s or more, or a vessel that "
-            "turns faster"
+            f"second can't be followed by a vessel of {vessel.speed:.3g} m/s that turns by "
+            f"{math.degrees(vessel.turn_rate):.3g}° a second. Give the current's mean over "
+            f"{vessel.turn_period:.3g} s or more, or a vessel that turns faster"
         )
 
 

@@ -85,6 +85,22 @@ def stroke(path: ArrayLike, colour: str, width_pt: float, zorder: float) -> Line
     )
 
 
+def mark_point(
+    axes: Axes,
+    at: tuple[float, float],
+    role: str,
+    size_pt: tuple[float, float],
+    marker: str = "o",
+    zorder: float = 4,
+) -> None:
+    """Mark a point by an outline of a size and thickness, by default a ring."""
+    (x, y), (size, width), edge = at, size_pt, COLOURS[role]
+    axes.plot(
+        [x], [y], marker=marker, markersize=size, color=COLOURS["halo"], markeredgecolor=edge,
+        markeredgewidth=width, clip_on=False, zorder=zorder,
+    )  # fmt: skip
+
+
 def draw_scale_bar(axes: Axes, projection: Projection, *, drop_pt: float = 24.0) -> None:
     """Draw a scale bar of two fields below the map's right corner, true in the map's middle."""
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
@@ -450,17 +466,7 @@ def _draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[ArrayLik
     via = [(point, "s", f"Via {at}") for at, point in enumerate(between, start=1)]
     for end, marker, name in ((start, "o", "Start"), *via, (goal, "D", "Goal")):
         x, y = (float(value) for value in end)
-        axes.plot(
-            [x],
-            [y],
-            marker=marker,
-            markersize=6.0,
-            color=COLOURS["halo"],
-            markeredgecolor=COLOURS["best"],
-            markeredgewidth=1.8,
-            zorder=8,
-            clip_on=False,
-        )
+        mark_point(axes, (x, y), "best", (6.0, 1.8), marker, zorder=8)
         across, up = _free_side(axes, (x, y), name, drawn)
         axes.annotate(
             name,

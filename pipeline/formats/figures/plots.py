@@ -27,7 +27,7 @@ from pipeline.findings.text import (
     speed_range,
 )
 from pipeline.formats.appearance import COLOURS
-from pipeline.formats.figures.chart_map import POINTS_PER_INCH, drawable, text_width
+from pipeline.formats.figures.chart_map import POINTS_PER_INCH, drawable, mark_point, text_width
 from pipeline.model import DepartureChoice, EnsembleFigures
 
 _WIDTH_PT = 374.0
@@ -141,7 +141,7 @@ def _draw_clearance(axes: Axes, ranked: RankedRoute, at: RouteProfile, run: Floa
     for role, room in rooms.items():
         axes.fill_between(run, room, floor, color=COLOURS[role], alpha=0.45, linewidth=0)
     draw_line(axes, run, np.maximum(clearance, floor))
-    mark_point(axes, run[least], max(clearance[least], floor), "best", (5.0, 1.6))
+    mark_point(axes, (run[least], max(clearance[least], floor)), "best", (5.0, 1.6))
     least_text = kept(at.clearance_m[least])
     text = f"Distance to {ranked.metrics.no_go_name}, {unit}: least {least_text}"
     said = "grey: its padding" if len(rooms) == 1 else "grey: padding, red: turns"
@@ -235,21 +235,6 @@ def plot_title(axes: Axes, title: str, note: str) -> None:
 def plot_x_label(axes: Axes, text: str) -> None:
     """Label a panel's horizontal axis."""
     axes.set_xlabel(text, fontsize=TEXT_PT, color=COLOURS["ink"], labelpad=3)
-
-
-def mark_point(axes: Axes, x: float, y: float, role: str, size_pt: tuple[float, float]) -> None:
-    """Mark a point of a line by a ring of a size and thickness."""
-    axes.plot(
-        [x],
-        [y],
-        marker="o",
-        markersize=size_pt[0],
-        color=COLOURS["halo"],
-        markeredgecolor=COLOURS[role],
-        markeredgewidth=size_pt[1],
-        clip_on=False,
-        zorder=4,
-    )
 
 
 def plot_text(
@@ -374,7 +359,7 @@ def trade_off_figure(curve: SpeedTradeOff) -> Figure | None:
     if deadline <= x[-1]:
         axes.axvline(deadline, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
     at, chosen = curve.duration_s / unit_s, curve.fuel * size
-    mark_point(axes, at, chosen, "other", (6.0, 2.0))
+    mark_point(axes, (at, chosen), "other", (6.0, 2.0))
     # Above and right of the falling curve there is room, unless the point is at its right end.
     on_left = at > 0.65 * x[-1] + 0.35 * x[0]
     plot_text(

@@ -20,9 +20,9 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IndexArray, IntArray
-from pipeline.findings.route_profile import edges_of
 from pipeline.geo.projection import Projection
 from pipeline.model import Case
+from renew.inputs.chart_and_vessel import edges_of
 
 Curve = Literal["Loxodrome", "Orthodrome"]
 """A leg's geometry in RTZ's terms: constant course, or shortest distance."""
@@ -226,7 +226,8 @@ class Obstacles:
     @cached_property
     def edges(self) -> shapely.STRtree:
         """Tree of the edges of the hard no-go zone, which covers all land, and of the chart."""
-        edges = edges_of([*self.case.chart.no_go, *self._areas, self._extent])
+        areas = [*self.case.chart.no_go, *self._areas, self._extent]
+        edges = edges_of(shapely.get_parts(areas))
         return shapely.STRtree(shapely.linestrings(edges))
 
 
@@ -377,8 +378,8 @@ def cross_track_limits(
     # Most of V is far from the legs, and to index all of its edges takes long.
     way, parts = shapely.multilinestrings(legs.lines), shapely.get_parts(soft_no_go)
     shapely.prepare(way)
-    near = list(parts[shapely.dwithin(way, parts, cap)])
-    soft = shapely.STRtree(shapely.linestrings(sides.edges_within(cap, edges_of(near))))
+    near = edges_of(parts[shapely.dwithin(way, parts, cap)])
+    soft = shapely.STRtree(shapely.linestrings(sides.edges_within(cap, near)))
     for edges in (obstacles.edges, soft):
         _lower_to(limits, sides, edges)
     limits[np.tile(shapely.intersects(soft_no_go, legs.lines), 2)] = 0.0

@@ -388,9 +388,8 @@ def _remarks(best: RankedRoute) -> tuple[str, ...]:
         )
     if best.metrics.land_m > 0:
         remarks.append(
-            f"The route crosses {text.distance(best.metrics.land_m)} of "
-            f"{best.metrics.no_go_name}, the most at "
-            f"{position_text(best.metrics.land_lon, best.metrics.land_lat)}."
+            f"The route crosses {text.distance(best.metrics.land_m)} of {best.metrics.no_go_name}, "
+            f"the most at {position_text(best.metrics.land_lon, best.metrics.land_lat)}."
         )
     path = shapely.LineString(best.route.path)
     crossed = dict.fromkeys(

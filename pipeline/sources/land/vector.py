@@ -388,8 +388,7 @@ class VectorFile:
         listed = ", ".join(f"{bound:g}" for bound in bounds)
         return RequestError(
             f"{self.path} has nothing near the region (its bounds in {layer.crs.name}: {listed}): "
-            f"leave it out, or if that is wrong, name its right CRS, as "
-            f"{self.path.name},crs=EPSG:…"
+            f"leave it out, or if that is wrong, name its right CRS, as {self.path.name},crs=EPSG:…"
         )
 
 
