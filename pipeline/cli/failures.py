@@ -133,9 +133,8 @@ def _end_after_signal(reader: int, reported: threading.Event) -> None:
             deadline = time.monotonic() + _GRACE_S
             while time.monotonic() < deadline:
                 time.sleep(_PAUSE_S)
-                _thread.interrupt_main(
-                    signal.Signals(number)
-                )  # the handler may not have raised yet
+                # The handler may not have raised yet.
+                _thread.interrupt_main(signal.Signals(number))
             reported.wait(_END_REPORT_S)
             with contextlib.suppress(Exception):
                 os.write(sys.stderr.fileno(), f"{MESSAGE}\n".encode())

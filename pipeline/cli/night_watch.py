@@ -104,22 +104,16 @@ def check_url(url: str) -> None:
     try:
         parts = urlsplit(url)
         usable = parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
-        usable = (
-            usable
-            and parts.username is None
-            and url.isascii()
-            and url.isprintable()
-            and " " not in url
-        )
+        is_plain = url.isascii() and url.isprintable() and " " not in url
+        usable = usable and parts.username is None and is_plain
     except ValueError:
         usable = False
     if not usable:
         # The value is not repeated: it may be a credential in the wrong place.
-        fault = (
+        raise RequestError(
             "--ping is not a usable address: give the address of the check, as in "
             "https://HOST/ID, without a user name"
         )
-        raise RequestError(fault)
 
 
 def report_for(exit_code: int) -> Ping | None:

@@ -186,9 +186,8 @@ def warm() -> str:
     if not _compiled.has_all():
         from pipeline.machine.workers import first_compilation
 
-        with (
-            first_compilation() as finish
-        ):  # before the import below, which compiles a little itself
+        # Before the import below, which compiles a little itself.
+        with first_compilation() as finish:
             finish()
         from renew.warming import REHEARSALS, rehearse
 

@@ -24,7 +24,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Literal, Protocol
 
 from pipeline.errors import StageError, one_line
 from pipeline.machine.interpreters import SAFE_PATH, cores, seldom_collecting
@@ -63,7 +63,7 @@ class WorkerEndedError(Exception):
         return f"its process ended with code {self.exit_code}{words}"
 
 
-class Worker:
+class Worker(contextlib.AbstractContextManager["Worker"]):
     """A process that calls functions, started at the first call; inside `with` it ends with it.
 
     It gets no more memory above `data_bytes` of data, without a limit if 0. `variables` are in its
@@ -76,10 +76,6 @@ class Worker:
         self._pipe: Connection[Any, Any] | None = None
         self._stderr = bytearray()
         self._reading = threading.Thread()
-
-    def __enter__(self) -> Self:
-        """Return the worker, which is killed at the end of the block."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Kill the process."""
@@ -245,7 +241,7 @@ class Work(Protocol):
         ...
 
 
-class LocalWorkers:
+class LocalWorkers(contextlib.AbstractContextManager["LocalWorkers"]):
     """Workers of this machine, for tasks; the processes stay from one `run` to the next.
 
     A process is killed after the time limit of a task, `limit_s`, and if it has more memory than
@@ -263,10 +259,6 @@ class LocalWorkers:
         self._idle = [Worker(variables=variables) for _ in range(count)]
         self._count, self._limit_s, self._resident_bytes = count, limit_s, resident_bytes
         self._at_work: dict[Worker, tuple[WorkerTask, float]] = {}
-
-    def __enter__(self) -> Self:
-        """Return the workers, which are killed at the end of the block."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Kill all processes."""

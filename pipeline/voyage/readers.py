@@ -234,9 +234,7 @@ def read_station(given: str | Path) -> str:
     from pipeline.scenario import catalogue
 
     text = str(given)
-    if text in catalogue.stations():
-        return text
-    return str(resolved(Path(text), ""))
+    return text if text in catalogue.stations() else str(resolved(Path(text), ""))
 
 
 def read_members(text: str) -> dict[str, Any]:

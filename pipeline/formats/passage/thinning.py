@@ -8,6 +8,7 @@ import shapely
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.findings.route_profile import metres_along
 from pipeline.formats.passage.safe_corridor import Drawing, SafeCorridor, cross
+from renew.kernels.capsules import wrapped
 
 # Minimum bend, rad, for which the intersection of the legs around it becomes a candidate.
 _MIN_BEND_RAD = 0.1
@@ -243,9 +244,9 @@ def _on_same_side(
     for hole in corridor.holes:
         swept = np.unwrap(_direction(dense, hole))[foot]
         # Add the angle from the path to the candidate, between -π and π.
-        swept = swept + _wrapped(_direction(candidates.xy, hole) - swept)
-        half = _wrapped(_direction(middles, hole) - swept[begin])
-        leg = half + _wrapped(swept[end] - _direction(middles, hole))
+        swept = swept + wrapped(_direction(candidates.xy, hole) - swept)
+        half = wrapped(_direction(middles, hole) - swept[begin])
+        leg = half + wrapped(swept[end] - _direction(middles, hole))
         same &= np.abs(swept[end] - swept[begin] - leg) < np.pi
     return same
 
@@ -254,11 +255,6 @@ def _direction(points: FloatArray, origin: FloatArray) -> FloatArray:
     """Return angles (n,) of points (n, 2) as seen from the origin, rad."""
     angle: FloatArray = np.arctan2(points[:, 1] - origin[1], points[:, 0] - origin[0])
     return angle
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    """Return angles (n,) wrapped to -π to π."""
-    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def thin(corridor: SafeCorridor, drawing: Drawing) -> Candidates:

@@ -200,6 +200,7 @@ def _described(
     time = route_profile.cumulative(steps.true_s)[ends]
     through_water = np.add.reduceat(steps.through_water_m_s * steps.planner_s, ends[:-1])
     through_water /= np.add.reduceat(steps.planner_s, ends[:-1])
+    fuel = route_profile.cumulative(case.vessel.rates(steps.through_water_m_s) * steps.planner_s)
     length = legs.length_m
     nothing = np.array([np.nan])
     return Waypoints(
@@ -215,9 +216,7 @@ def _described(
         port_m=np.append(np.minimum(port * true, MAX_CROSS_TRACK_M), nothing),
         starboard_m=np.append(np.minimum(starboard * true, MAX_CROSS_TRACK_M), nothing),
         radius_m=np.concatenate([[0.0], turns * np.minimum(true[:-1], true[1:]), [0.0]]),
-        fuel=route_profile.cumulative(case.vessel.rates(steps.through_water_m_s) * steps.planner_s)[
-            ends
-        ],
+        fuel=fuel[ends],
     )
 
 

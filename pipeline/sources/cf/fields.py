@@ -10,12 +10,13 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from itertools import groupby, islice
 from pathlib import Path
-from typing import Self, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -409,7 +410,7 @@ def _fill_value(values: FloatArray, shores: Shores | None) -> float:
     return float(found[counts.argmax()]) if is_odd else np.nan
 
 
-class FieldReader:
+class FieldReader(AbstractContextManager["FieldReader"]):
     """Reads fields of a window, one after the other; a context manager that closes the files.
 
     The files read last stay open, as most often they hold the next field as well. `fills` are
@@ -429,10 +430,6 @@ class FieldReader:
         self._dry: dict[Component, BoolArray] = {}
         # Largest share of the nodes of which a mean lacks some of its steps.
         self.partly = 0.0
-
-    def __enter__(self) -> Self:
-        """Return itself; files are opened when they are needed."""
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Close the files."""
