@@ -134,6 +134,8 @@ def check_start_open(request: Request, departure: float) -> None:
     if opens <= departure:
         return
     remedy = "Depart after {2}" if opens < math.inf else "It does not open again: move it"
+    if isinstance(shut[-1], OverLimit) and math.isinf(shut[-1].most):
+        remedy = "No more is known: give a forecast that reaches further"
     named = _named(shut, departure)
     opening = [errors.Moment(opens)] * (opens < math.inf)
     raise errors.ShutStartError(f"the start {{0}} lies in {{1}}. {remedy}", place, named, *opening)

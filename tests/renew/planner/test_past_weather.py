@@ -110,6 +110,9 @@ def test_a_start_that_is_shut_is_refused_without_a_search(monkeypatch: pytest.Mo
     for_ever = r"start .* It does not open again: move it"
     with pytest.raises(renew.UnreachableError, match=for_ever) as refused:
         planned(gate(-100.0, math.inf, 15.0))
+    unknown = replace(gate(1_800.0, math.inf, 15.0), most=math.inf)
+    with pytest.raises(renew.UnreachableError, match=r"\. No more is known: give a forecast that"):
+        planned(first, then, unknown)
     # No date can be told of what never comes.
     assert all(math.isfinite(one.seconds) for one in refused.value.text.values_of(Moment))
 
