@@ -190,9 +190,13 @@ def _stand_ins(outcome: Outcome) -> Iterator[str]:
     """Yield a line for each source of currents that stands in for a preferred one."""
     found: dict[tuple[str, str], list[str]] = {}
     for case in outcome.result.cases:
-        if case.grid is not None and case.grid.is_stand_in and not case.grid.is_left_out:
-            missed = " or ".join(name for name, _ in case.grid.passed_over)
-            found.setdefault((case.grid.credit.name, missed), []).append(case.name)
+        if (grid := case.grid) is None or grid.is_left_out:
+            continue
+        # A table that is asked for by its name may be of another year.
+        is_other = grid.valid and not (grid.changes or grid.valid.startswith(case.spec.valid[:7]))
+        if grid.is_stand_in or is_other:
+            missed = " or ".join(name for name, _ in grid.passed_over)
+            found.setdefault((grid.credit.name, missed), []).append(case.name)
     for (source, missed), names in found.items():
         cases = [outcome.result.case(name) for name in names]
         dates = " and ".join(case.period_text for case in cases)

@@ -330,6 +330,8 @@ def entry_path(asked: str) -> Path:
             return root() / section / f"{asked}.toml"
     if unreadable_reason(expanded(asked, "entry")) != NOT_THERE:
         return scenario_path(asked)
+    if asked in stations():
+        raise RequestError(f"{asked} is a station of the tide: `renew tide show {asked}` lists it")
     known = [name for section in SECTIONS for name in names(section)]
     raise RequestError(f"no entry {asked!r} in the catalogue: {near_miss(asked, known)}")
 

@@ -317,6 +317,8 @@ class Season(StrictModel):
             )
         elif not self.valid and any(named != STILL for named in self.currents):
             yield "lacks 'valid'; add the month as 'YYYY-MM'"
+        if self.current_variables and all(isinstance(named, str) for named in self.currents):
+            yield "has 'current_variables', which are those of files; add a file, or leave them"
         if STILL in self.currents[:-1]:
             yield "names other currents after 'still', which would never be used; put 'still' last"
 

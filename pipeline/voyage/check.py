@@ -97,7 +97,7 @@ def check_route(
         *notes,
         *([f"the first of {route.others + 1} routes of the file was checked"] * bool(route.others)),
         *(
-            [f"its parts were joined by straight lines, the longest of {far}"]
+            [f"its parts were joined by straight lines of up to {far}"]
             * (route.joined_m > _LEAST_M)
         ),
         *(f"it ends where it begins: routes beside it pass {spelled(one)}" for one in request.via),

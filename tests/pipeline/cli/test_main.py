@@ -33,6 +33,8 @@ def test_list_and_show_print_what_can_be_run_and_read_again(tmp_path: Path) -> N
     missed = CliRunner().invoke(app, ["show", "usv-7"])
     assert missed.exit_code == 2
     assert "did you mean 'usv-7m'?" in missed.stderr
+    station = CliRunner().invoke(app, ["show", "boston"]).stderr
+    assert "`renew tide show boston`" in station
 
 
 def test_the_list_says_what_a_scenario_needs() -> None:

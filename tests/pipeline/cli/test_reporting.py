@@ -118,6 +118,11 @@ def test_the_answer_comes_first_then_the_sides_then_the_doubts(
     )
     assert written.startswith(("Written to", "Unchanged in"))
     assert len(result.stdout.splitlines()) <= 20
+    # The same table, asked for by its name, is of that day, too.
+    arguments += ["--currents", "embedded-palawan"]
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.stdout.count("2020-06-17") == 1
+    assert "! Current of 2020-06-17, not 2024-07: Embedded " in result.stdout
 
 
 @pytest.mark.usefixtures("plain_report")

@@ -202,6 +202,10 @@ FAULTS_OF_TIMES = [
         ["a wait in --via together with --until: the wait leaves a time to choose"],
     ),
     ({"currents": ("still", _HOURLY)}, ["names other currents after 'still'"]),
+    (
+        {"current_variables": "u,v", "currents": ("still",)},
+        ["'current_variables', which are those"],
+    ),
     ({"members": "files", "currents": ("still",)}, ["--members are those of files; add"]),
     ({"depart": "", "currents": (), "months": ("2026-13",)}, ["--month 2026-13 is not a month"]),
     (
