@@ -84,24 +84,14 @@ class Chosen:
         It takes the place of the `earlier` case, or stands behind it if that is kept. The scenario
         has its season.
         """
-        name, label, fetched = earlier.name, begun.name, self.fetched
-        keys, cases = dict[str, str](), list[Case]()
-        key = artefact_key("departures", fetched.current_keys[name], begun.departure)
-        for case in self.cases.value:
-            is_it = case.name == name
-            if keeps or not is_it:
-                keys[case.name] = fetched.current_keys[case.name]
-                cases.append(case)
-            if is_it:
-                keys[label] = key
-                cases.append(begun)
-        grids = []
-        for grid in fetched.currents:
-            is_it = grid.case == name
-            if keeps or not is_it:
-                grids.append(grid)
-            if is_it:
-                grids.append(replace(grid, case=label, times_s=grid.times_s - shift))
+        name, label, fetched, cases = earlier.name, begun.name, self.fetched, self.cases.value
+        at = [case.name for case in cases].index(name)
+        cases = (*cases[: at + keeps], begun, *cases[at + 1 :])
+        keys, grids = dict(fetched.current_keys), {grid.case: grid for grid in fetched.currents}
+        keys[label] = artefact_key("departures", keys[name], begun.departure)
+        if grid := grids.get(name):
+            grids[label] = replace(grid, case=label, times_s=grid.times_s - shift)
+        names = [case.name for case in cases]
         notes = fetched.notes
         if not keeps:
             notes = tuple(
@@ -110,10 +100,15 @@ class Chosen:
         return replace(
             self,
             scenario=scenario,
-            fetched=replace(fetched, currents=tuple(grids), notes=notes, current_keys=keys),
+            fetched=replace(
+                fetched,
+                currents=tuple(grids[one] for one in names if one in grids),
+                notes=notes,
+                # A season without a departure has a case, but no key any more.
+                current_keys={one: keys[one] for one in names if one in keys},
+            ),
             cases=Artefact(
-                artefact_key("departures", self.cases.key, name, label, begun.departure),
-                tuple(cases),
+                artefact_key("departures", self.cases.key, name, label, begun.departure), cases
             ),
         )
 

@@ -251,6 +251,36 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
     assert above == pytest.approx(100 * (choice.fuels / choice.fuels.min() - 1))
 
 
+def test_a_season_without_a_departure_leaves_the_next_one_its_own(
+    result: Any,  # noqa: ANN401
+    tmp_path: Path,
+) -> None:
+    (season,) = result.scenario.seasons
+    late = season.model_copy(
+        update={"name": "late", "departure": None, "arrive_by": DEPARTURE + timedelta(minutes=20)}
+    )
+    window = Season.model_validate(
+        {**season.model_dump(exclude_none=True, exclude={"departure"}), "departures": WINDOW}
+    )
+    scenario = result.scenario.model_copy(update={"seasons": (late, window)})
+    (grid,), case = result.fetched.currents, result.planned["tide"]
+    fetched = replace(
+        result.fetched,
+        currents=(replace(grid, case="late"), grid),
+        current_keys={"late": "current", "tide": "current"},
+    )
+    cases = (replace(case, name="late"), case)
+    given = Chosen(scenario, fetched, Artefact("cases", cases))
+    departed = choose_departures(given, Store(tmp_path, "test"), lambda _: None)
+    assert [choice.season for choice in departed.choices] == ["tide"]
+    assert [*departed.fetched.current_keys] == ["tide"]
+    assert "can't be made" in departed.fetched.failures["late"]
+    assert [one.departure for one in departed.scenario.seasons] == [
+        None,
+        departed.choices[0].chosen,
+    ]
+
+
 def test_a_departure_that_is_given_is_left_alone(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
     departed = _chosen(result, tmp_path, [])
     assert departed.choices == ()
