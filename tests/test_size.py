@@ -27,7 +27,7 @@ ROOMS = {
     "pipeline/scenario": (2_213, 37),
     "pipeline/serve": (1_649, 9),
     "pipeline/sources": (9_912, 46),
-    "pipeline/stages": (4_913, 14),
+    "pipeline/stages": (4_908, 14),
     "pipeline/voyage": (2_070, 8),
     "renew/bounds": (1_604, 8),
     "renew/classes": (2_454, 14),
