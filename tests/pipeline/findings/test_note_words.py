@@ -174,3 +174,11 @@ def test_moments_are_dates() -> None:
     (found,) = rejections(result.case(result.results[0].name))
     assert found["moments"] == ["2026-01-01T01:00:00+00:00"]
     assert found["strait"] is None
+
+
+def test_turns_of_an_adaptive_plan_that_meet_land_are_not_said_to_be_verified() -> None:
+    note = Note.of(
+        "not-safe-everywhere",
+        collisions=2, turns=9, no_go="land", rank=1, place=Place(1.0, 2.0), padding="adaptive",
+    )  # fmt: skip
+    assert "(it was 'adaptive') alone, not around a start or goal too close to" in note_text(note)

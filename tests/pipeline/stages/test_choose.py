@@ -424,6 +424,7 @@ def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
     said = note_text(note)
     assert "the best route keeps less than the offing of 40 m" in said
     assert "m beyond the chart's margin at" in said
+    assert "inside the margin, that is half of the distance to land" in said
 
 
 def test_a_reduced_offing_stands_below_the_table(tmp_path: Path) -> None:
