@@ -138,11 +138,6 @@ def _first(found: list[GivenRoute]) -> tuple[GivenRoute, str]:
     return replace(route, name=clean(route.name), points=kept, others=len(found) - 1), why
 
 
-def _line(name: object, form: str, parts: Sequence[Sequence[Any]]) -> GivenRoute:
-    points = (RoutePoint(float(one[0]), float(one[1])) for one in itertools.chain(*parts))
-    return GivenRoute(str(name or ""), form, tuple(points), joined_m=_joined_m(parts))
-
-
 def _joined_m(parts: Sequence[Sequence[Any]]) -> float:
     """Return the longest true metres from the end (lon, lat) of a part to the next one's begin."""
     pairs = itertools.pairwise(filter(None, parts))
@@ -156,11 +151,13 @@ def _of_json(content: bytes) -> Iterator[GivenRoute]:
     for feature in document.get("features") or [document]:
         shape = feature.get("geometry") or feature
         name = (feature.get("properties") or {}).get("name")
-        if shape.get("type") == "LineString":
-            yield _line(name, "GeoJSON", [shape["coordinates"]])
-        elif shape.get("type") == "MultiLineString":
-            # A line across 180 degrees is written in parts.
-            yield _line(name, "GeoJSON", shape["coordinates"])
+        if shape.get("type") in ("LineString", "MultiLineString"):
+            parts = shape["coordinates"]
+            if shape["type"] == "LineString":
+                parts = [parts]  # a line across 180 degrees is written in parts
+            points = (RoutePoint(float(one[0]), float(one[1])) for one in itertools.chain(*parts))
+            joined_m = _joined_m(parts)
+            yield GivenRoute(str(name or ""), "GeoJSON", tuple(points), joined_m=joined_m)
 
 
 def _of_xml(content: bytes) -> Iterator[GivenRoute]:

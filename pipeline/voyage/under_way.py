@@ -35,7 +35,9 @@ def under_way_scenario(
     left = _departed(finished, request)
     file = expanded(finished.folder / "scenario.toml", "RESULTS")
     data = _table(read_toml(file), finished, request, left)
-    notes = (request.at.note,) if request.at.note else ()
+    late = finished.season["arrive_by"]
+    said = (request.at.note, late and f"the latest arrival, {late}, is not asked of the way ahead")
+    notes = tuple(filter(None, said))
     if request.currents:
         data, left_out = with_currents(data, request.currents)
         notes = (*notes, *left_out)

@@ -119,6 +119,17 @@ def test_a_plan_whose_departure_was_chosen_is_sailed_on(voyage: Path, tmp_path: 
     assert np.allclose(found.routes[0].route.path[1:], sailed.path[at + 1 :], atol=1e-6)
 
 
+def test_a_latest_arrival_is_dropped_and_that_is_said(voyage: Path, tmp_path: Path) -> None:
+    folder = sailing.copied(voyage, tmp_path / "copy")
+    manifest = json.loads((folder / "manifest.json").read_bytes())
+    manifest["scenario_as_run"]["seasons"][0]["arrive_by"] = "2026-11-22T18:00:00Z"
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    time = datetime.fromisoformat(TIME)
+    request = UnderWayRequest(results=folder, at=read_position(AT), time=time)
+    (told,) = under_way_scenario(request)[1]
+    assert told == "the latest arrival, 2026-11-22T18:00:00Z, is not asked of the way ahead"
+
+
 def test_a_full_result_lies_beside_the_old(voyage: Path) -> None:
     outcome = run(under_way(voyage), voyage.parent, offline=True)
     assert outcome.directory == voyage.parent / "strait-at-2026-11-22t0650z"
