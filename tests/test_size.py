@@ -28,7 +28,7 @@ ROOMS = {
     "pipeline/serve": (1_649, 9),
     "pipeline/sources": (9_912, 46),
     "pipeline/stages": (4_908, 14),
-    "pipeline/voyage": (2_070, 8),
+    "pipeline/voyage": (2_069, 8),
     "renew/bounds": (1_604, 8),
     "renew/classes": (2_454, 14),
     "renew/inputs": (2_264, 24),
