@@ -5,8 +5,8 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from functools import cached_property, partial
-from typing import Any, Literal
+from functools import cached_property, partial, wraps
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import shapely
@@ -26,6 +26,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec
 from pipeline.scenario.season import Season, interval
 
+_T = TypeVar("_T")
 NO_SHARE = 5e-4
 """Shares of a route below this count as none: percentages have one decimal."""
 # Crossings whose positions agree to this many decimals of a degree (100 m) are one place.
@@ -344,7 +345,7 @@ class RunResult:
     coverages : from where along each case's best route a haven is reached, if any are given.
     side_bounds : returns the bounds of cases whose routes differ in their side, by name. It may
         wait: they are computed while files that don't show them are written.
-    kept : what several output files need and is computed once, such as waypoints.
+    kept : what `once_per_case` has computed.
     """
 
     scenario: Scenario
@@ -362,7 +363,9 @@ class RunResult:
     departures: tuple[model.DepartureChoice, ...] = ()
     coverages: Mapping[str, renew.Coverage] = field(default_factory=dict)
     side_bounds: Callable[[], Mapping[str, float]] = dict
-    kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    kept: dict[tuple[str, str], Any] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def with_choices(self, notes: tuple[Note, ...]) -> "RunResult":
         """Return the run with more notes on what was chosen."""
@@ -491,6 +494,20 @@ def _projected(
     for polygon in polygons:
         with contextlib.suppress(RequestError):
             yield water.projection.geometry_to_plane(polygon)
+
+
+def once_per_case(make: Callable[[RunCase], _T]) -> Callable[[RunCase], _T]:
+    """Keep in a run what is made of each case, as several output files need it."""
+
+    @wraps(make)
+    def made(case: RunCase) -> _T:
+        kept, key = case.run.kept, (make.__name__, case.name)
+        if key not in kept:
+            kept[key] = make(case)
+        found: _T = kept[key]
+        return found
+
+    return made
 
 
 def addressed(notes: Iterable[Note], scenario: Scenario) -> tuple[Note, ...]:

@@ -337,14 +337,9 @@ def cell_bounds(lon: FloatArray, lat: FloatArray, cell_deg: tuple[float, float])
 def sides_beyond(region: Bounds, grid: Bounds) -> list[str]:
     """Name each side on which a region reaches beyond a grid, with the grid's limit there."""
     return [
-        f"{side} of {limit:g} (the region reaches {reached:g})"
-        for side, limit, reached, is_beyond in (
-            ("west", grid[0], region[0], region[0] < grid[0]),
-            ("south", grid[1], region[1], region[1] < grid[1]),
-            ("east", grid[2], region[2], region[2] > grid[2]),
-            ("north", grid[3], region[3], region[3] > grid[3]),
-        )
-        if is_beyond
+        f"{side} of {grid[at]:g} (the region reaches {region[at]:g})"
+        for at, side in enumerate(("west", "south", "east", "north"))
+        if (region[at] < grid[at] if at < 2 else region[at] > grid[at])
     ]
 
 
@@ -400,14 +395,10 @@ class DepthCover:
 
     def at(self, lonlat: FloatArray) -> BoolArray:
         """Say at which points (n, 2), degrees, a depth is charted."""
-        is_charted = (
-            np.zeros(len(lonlat), dtype=bool) if self.cells is None else self.cells.at(lonlat)
-        )
-        tree = shapely.STRtree(shapely.points(lonlat))
-        is_charted[np.unique(tree.query(np.array(self.areas, dtype=object), "intersects")[1])] = (
-            True
-        )
-        return is_charted
+        tree, areas = shapely.STRtree(shapely.points(lonlat)), np.array(self.areas, dtype=object)
+        charted = np.zeros(len(lonlat), dtype=bool)
+        charted[tree.query(areas, "intersects")[1]] = True
+        return charted if self.cells is None else charted | self.cells.at(lonlat)
 
 
 def share_without(

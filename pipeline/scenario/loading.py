@@ -234,13 +234,10 @@ def _under_way_faults(scenario: Scenario) -> Iterator[str]:
 def _missing_paths(scenario: Scenario) -> Iterator[str]:
     """Find charts and lists of havens that do not exist or can't be read."""
     chart, havens = scenario.chart, scenario.havens
-    named = [
-        ("chart.source", source.path, "a vector file, or a folder of S-57 cells")
-        for source in chart.source
-    ]
-    listed = "" if havens is None else havens.path
+    what = "a vector file, or a folder of S-57 cells"
+    named = [("chart.source", source.path, what) for source in chart.source]
     named.append(("chart.depths", chart.depths, "a GEBCO or EMODnet grid in NetCDF"))
-    named.append(("havens.path", listed, "a GeoJSON file with points"))
+    named.append(("havens.path", havens.path if havens else "", "a GeoJSON file with points"))
     for key, path, what in named:
         if path and (reason := paths.unreadable_reason(path)):
             remedy = f"; give {what}" if reason == paths.NOT_THERE else ""

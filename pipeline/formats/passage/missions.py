@@ -24,7 +24,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.findings.haven_rows import Way, haven_ways
-from pipeline.findings.result import RankedRoute, RunCase
+from pipeline.findings.result import RankedRoute, RunCase, once_per_case
 from pipeline.findings.route_profile import closest_approach, coast_edges
 from pipeline.findings.text import speed_over_ground, write_json
 from pipeline.formats.passage.routes import gpx_document
@@ -60,23 +60,16 @@ _PIECE_M = 1_000.0
 _ERROR_M = 0.1
 # Number of points tried as the next vertex.
 _TRIED = 100
-_FENCE = "_fence"
 
 
+@once_per_case
 def fence_of(case: RunCase) -> tuple[FloatArray, ...] | None:
-    """Return the fence of a case's best route; worked out once.
+    """Return the fence of a case's best route.
 
     It is the inclusion polygon (n, 2), then the exclusion polygons (m, 2) in it, degrees, not
     closed: they leave only water outside V. None if no fence of so few vertices was found, if a leg
     lies in V, where nothing is promised, or on a chart across 180 degrees.
     """
-    cached: dict[str, tuple[FloatArray, ...] | None] = case.run.kept.setdefault(_FENCE, {})
-    if case.name not in cached:
-        cached[case.name] = _fence_of(case)
-    return cached[case.name]
-
-
-def _fence_of(case: RunCase) -> tuple[FloatArray, ...] | None:
     points, flat = case_waypoints(case)[0], _Flat(case.run.water)
     least_m = float(np.minimum(points.port_m, points.starboard_m)[:-1].min())
     if flat.crosses_180 or least_m <= 0:
@@ -325,20 +318,15 @@ def _position(points: Waypoints, index: int) -> tuple[float, float]:
     return float(latitude), wrapped_longitude(longitude)
 
 
-_WAYS = "_haven_waypoints"
-
-
+@once_per_case
 def haven_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
-    """Return waypoints of a case's ways to havens, in their order; computed once."""
-    cached: dict[str, tuple[Waypoints, ...]] = case.run.kept.setdefault(_WAYS, {})
-    if case.name not in cached:
-        ways = haven_ways(case).values()
-        unite_soft_no_go([way.route for way in ways])
-        # The ways pass no via point.
-        alone = replace(case, planned=replace(case.case, via=np.empty((0, 2))))
-        obstacles = Obstacles(alone.case)
-        cached[case.name] = tuple(_waypoints(way, alone, obstacles) for way in ways)
-    return cached[case.name]
+    """Return waypoints of a case's ways to havens, in their order."""
+    ways = haven_ways(case).values()
+    unite_soft_no_go([way.route for way in ways])
+    # The ways pass no via point.
+    alone = replace(case, planned=replace(case.case, via=np.empty((0, 2))))
+    obstacles = Obstacles(alone.case)
+    return tuple(_waypoints(way, alone, obstacles) for way in ways)
 
 
 def _waypoints(way: Way, case: RunCase, obstacles: Obstacles) -> Waypoints:

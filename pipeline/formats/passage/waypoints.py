@@ -14,7 +14,7 @@ import renew
 from pipeline._types import FloatArray, IntArray
 from pipeline.findings import route_profile
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RankedRoute, RunCase, RunResult, route_caveats
+from pipeline.findings.result import RankedRoute, RunCase, RunResult, once_per_case, route_caveats
 from pipeline.findings.text import capitalised, duration
 from pipeline.formats.passage.safe_corridor import (
     DECIMALS,
@@ -55,8 +55,6 @@ _MAX_RADIUS_M = 5 * NAUTICAL_MILE_M
 # Largest error of the curves drawn for the chosen legs, as a share of that for legs in the
 # corridor: small, because the cross-track limits are measured from these curves.
 _FINAL_ERROR_SHARE = 0.01
-_CACHE = "_exchange_waypoints"
-
 # Largest ratio of the highest to the lowest speed of a leg: a vessel that sails the leg at its mean
 # speed needs a few thousandths more fuel, by the propeller law.
 _SAME_SPEED = 1.1
@@ -115,19 +113,14 @@ class Waypoints:
         return replace(self.ranked.metrics, length_m=length_m, duration_s=duration_s)
 
 
+@once_per_case
 def case_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
-    """Return waypoints of a case's routes, best first: of those that are not dear, and each side's.
-
-    Computed once for each run and cached with it, since every exchange format needs them.
-    """
-    cached: dict[str, tuple[Waypoints, ...]] = case.run.kept.setdefault(_CACHE, {})
-    if case.name not in cached:
-        cached[case.name] = ()
-        if case.routes:
-            unite_soft_no_go([ranked.route for ranked in case.routes])
-            obstacles = Obstacles(case.case)
-            cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.followed)
-    return cached[case.name]
+    """Return waypoints of a case's routes, best first: of those not dear, and each side's."""
+    if not case.routes:
+        return ()
+    unite_soft_no_go([ranked.route for ranked in case.routes])
+    obstacles = Obstacles(case.case)
+    return tuple(waypoints(ranked, obstacles) for ranked in case.followed)
 
 
 def both_sides(case: RunCase) -> tuple[Waypoints, ...]:
