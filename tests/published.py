@@ -34,7 +34,7 @@ class PublishedScene(Scene[renew.CurrentField]):
     worst: float = 0.0
     options: dict[str, Any] = field(default_factory=dict)
 
-    def plan(self, **options: Any) -> renew.Plan:  # noqa: ANN401 - as `plan` has them
+    def plan(self, **options: Any) -> renew.Plan:
         """Plan it with its options."""
         return super().plan(**(self.options | options))
 

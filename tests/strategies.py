@@ -69,7 +69,7 @@ class Scene(Generic[CurrentT]):
         """Return the scene in another current."""
         return replace(cast("Scene[Any]", self), current=current)
 
-    def plan(self, **options: Any) -> renew.Plan:  # noqa: ANN401 - as `plan` has them
+    def plan(self, **options: Any) -> renew.Plan:
         """Plan it."""
         own = {"drift": self.drift, "departure": self.departure}
         return renew.plan(*self.asked, **{**own, **options})
@@ -78,7 +78,7 @@ class Scene(Generic[CurrentT]):
         """Plan departures (n,), s."""
         return renew.plan_departures(*self.asked, departures, **{"drift": self.drift, **options})
 
-    def turns(self, route: renew.Route, **options: Any) -> renew.Contingency:  # noqa: ANN401
+    def turns(self, route: renew.Route, **options: Any) -> renew.Contingency:
         """Fly hard-over turns from along a route."""
         given = self.chart, self.current, self.vessel
         return renew.contingency(route, *given, **{"drift": self.drift, **options})

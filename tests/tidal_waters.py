@@ -75,7 +75,7 @@ class TidalScene(Scene[renew.CurrentField]):
 
     depth: renew.TidalDepth = field(kw_only=True)
 
-    def plan(self, **options: Any) -> renew.Plan:  # noqa: ANN401 - as `plan` has them
+    def plan(self, **options: Any) -> renew.Plan:
         """Plan with the tide."""
         return super().plan(**{"depth": self.depth, "lateness": LATENESS, **options})
 

@@ -136,7 +136,7 @@ def go(
     as_json: bool = False,
     quiet: bool = False,
     verbose: bool = False,
-    **given: Any,  # noqa: ANN401 - the options of a voyage
+    **given: Any,  # the options of a voyage
 ) -> None:
     """Plan a voyage from START to GOAL; region, chart and currents are chosen and reported.
 
@@ -168,7 +168,7 @@ def check_route(
     speed: str | None = None,
     as_json: bool = False,
     quiet: bool = False,
-    **given: Any,  # noqa: ANN401 - the options of a voyage
+    **given: Any,  # the options of a voyage
 ) -> None:
     """Say what a route of yours costs in fuel and time, and whether it is safe.
 
@@ -246,7 +246,7 @@ def replan(
     as_json: bool = False,
     quiet: bool = False,
     verbose: bool = False,
-    **given: Any,  # noqa: ANN401 - the options of a voyage under way
+    **given: Any,  # the options of a voyage under way
 ) -> None:
     """Plan the rest of a voyage again from where the vessel is, in a folder beside RESULTS.
 

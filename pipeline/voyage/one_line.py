@@ -127,7 +127,7 @@ def _parameters() -> str:
 go.__doc__ = inspect.cleandoc(str(go.__doc__)).replace("{parameters}", _parameters())
 
 
-def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:  # noqa: ANN401 - see `run`
+def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:
     """Run a voyage's scenario, after a quick check of its currents and its stops.
 
     `reports` are the arguments of `pipeline.run.run` that report the run: `said`, `on_event`,
@@ -138,7 +138,7 @@ def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Ou
     return run(scenario, request.output, offline=offline, strict=strict, **reports)
 
 
-def run_or_keep(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:  # noqa: ANN401 - see `run`
+def run_or_keep(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:
     """Run a voyage's scenario; write the scenario of one that is refused, to be changed."""
     try:
         return run_voyage(request, scenario, **reports)

@@ -485,7 +485,7 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
     ways = [way for one in rejected for way in one.ways]
     widest = sorted(ways, key=_narrowest_gap, reverse=True)[:_MAX_WAYS]
 
-    def route_with(**changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
+    def route_with(**changes: Any) -> Route | None:  # as of PlanOptions
         """Return the route of the widest way that has one with changed options, or None."""
         # Making room to turn takes long, and less padding leaves more room.
         relaxed = ClassPlanner(problem.with_options(replace(options, **changes)), thorough=False)
@@ -494,7 +494,7 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
                 return relaxed.route(relaxed.find(way))
         return None
 
-    def planned_with(what: str, **changes: Any) -> list[Text]:  # noqa: ANN401 - as of PlanOptions
+    def planned_with(what: str, **changes: Any) -> list[Text]:  # as of PlanOptions
         """Say that changed options leave a route, and which; say nothing if they leave none."""
         search = ClassSearch(ClassPlanner(problem.with_options(replace(options, **changes))))
         search.find_best(options.classes)
@@ -502,7 +502,7 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
             return []
         return [Text(f"{what} would leave one, {{0}}", (_description(planner.route(search.best)),))]
 
-    def largest(key: str, **fixed: Any) -> list[Text]:  # noqa: ANN401 - as of PlanOptions
+    def largest(key: str, **fixed: Any) -> list[Text]:  # as of PlanOptions
         """Say up to which value of an option, beside fixed others, there is a route."""
         value = _largest(lambda tried: route_with(**{key: tried}, **fixed), most)
         if value is None or (not value and fixed):

@@ -60,7 +60,7 @@ def names() -> tuple[str, ...]:
     )
 
 
-def dataset(name: str, *, ends: str = "", lacking: str = "", **changes: Any) -> Dataset:  # noqa: ANN401 - what `Dataset` takes
+def dataset(name: str, *, ends: str = "", lacking: str = "", **changes: Any) -> Dataset:
     """Return the dataset of an entry as the service would have it today.
 
     `ends` is its last day; a `lacking` day is in the service's catalogue but not in the data.
@@ -121,7 +121,7 @@ def today() -> datetime:
     return datetime.now(UTC).replace(hour=0, minute=0, second=0, microsecond=0)
 
 
-def store(name: str, *, ocean: Ocean = OCEAN, **changes: Any) -> LoopbackStore:  # noqa: ANN401 - what `dataset` takes
+def store(name: str, *, ocean: Ocean = OCEAN, **changes: Any) -> LoopbackStore:
     """Return a store with the dataset of an entry, not yet running."""
     return LoopbackStore(ocean, (dataset(name, **changes),), authority())
 

@@ -38,26 +38,26 @@ def rows_of(result: RunResult) -> list[RouteMetrics]:
     return [row for case in result.cases for row in case.measures.routes]
 
 
-def with_water(result: RunResult, **changes: Any) -> RunResult:  # noqa: ANN401
+def with_water(result: RunResult, **changes: Any) -> RunResult:
     """The same run on a chart with other values."""
     water = replace(result.water, **changes)
     planned = {name: replace(case, water=water) for name, case in result.planned.items()}
     return replace(result, water=water, planned=planned)
 
 
-def with_case(result: RunResult, name: str, **changes: Any) -> RunResult:  # noqa: ANN401
+def with_case(result: RunResult, name: str, **changes: Any) -> RunResult:
     """The same run whose case of a name was planned with other values."""
     case = replace(result.planned[name], **changes)
     return replace(result, planned={**result.planned, name: case})
 
 
-def with_result(result: RunResult, name: str, **changes: Any) -> RunResult:  # noqa: ANN401
+def with_result(result: RunResult, name: str, **changes: Any) -> RunResult:
     """The same run with another result of a case."""
     results = (replace(one, **changes) if one.name == name else one for one in result.results)
     return replace(result, results=tuple(results))
 
 
-def with_measures(result: RunResult, name: str, **changes: Any) -> RunResult:  # noqa: ANN401
+def with_measures(result: RunResult, name: str, **changes: Any) -> RunResult:
     """The same run with other measures of a case."""
     measures = replace(result.case(name).measures, **changes)
     return with_result(result, name, measures=measures)

@@ -19,11 +19,11 @@ from tests.strategies import random_scene, single_gyre
 THREAD_LIMITS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def gyre(**options: Any) -> renew.Plan:  # noqa: ANN401  # as plan() has them
+def gyre(**options: Any) -> renew.Plan:  # as plan() has them
     return single_gyre().plan(**options)
 
 
-def islands(**options: Any) -> renew.Plan:  # noqa: ANN401
+def islands(**options: Any) -> renew.Plan:
     return random_scene(2).plan(**options)
 
 

@@ -19,7 +19,7 @@ START, GOAL = (20.0, 30.0), (180.0, 30.0)
 BARRIER = box(95, -1, 105, 40)
 
 
-def plan(**options: Any) -> renew.Plan:  # noqa: ANN401
+def plan(**options: Any) -> renew.Plan:
     asked: dict[str, Any] = {"classes": 4, **options}
     return renew.plan(CHART, STILL, PAPER_VESSEL, START, GOAL, **asked)
 

@@ -32,7 +32,7 @@ def constant(height: float) -> renew.Tide:
     return renew.Tide({}, height, EPOCH)
 
 
-def plan(depth: renew.TidalDepth | None = None, **options: Any) -> renew.Plan:  # noqa: ANN401
+def plan(depth: renew.TidalDepth | None = None, **options: Any) -> renew.Plan:
     asked: dict[str, Any] = {"classes": 4, **options}
     return renew.plan(CHART, STILL, PAPER_VESSEL, START, GOAL, depth=depth, **asked)
 

@@ -29,7 +29,7 @@ ROUND_TRIPS = [
 ]
 
 
-def gyre_plan(via: Sequence[tuple[float, float]], **options: Any) -> renew.Plan:  # noqa: ANN401
+def gyre_plan(via: Sequence[tuple[float, float]], **options: Any) -> renew.Plan:
     return single_gyre().plan(**{"classes": 4, "via": via, **options})
 
 

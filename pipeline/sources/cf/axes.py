@@ -321,7 +321,7 @@ class TimeSteps:
 def read_steps(
     time: DataArray | None,
     bounds: FloatArray | None,
-    **about: Any,  # noqa: ANN401 - as below
+    **about: Any,
 ) -> TimeSteps:
     """Read a file's time coordinate, not yet decoded, with its bounds (n, 2) where it has them.
 

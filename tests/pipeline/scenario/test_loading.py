@@ -24,13 +24,13 @@ from tests.pipeline.small_region import small_region
 SEASON = {"name": "summer", "valid": "2024-07", "currents": ["embedded-palawan"]}
 
 
-def table(**changes: Any) -> dict[str, Any]:  # noqa: ANN401 - whatever TOML can hold
+def table(**changes: Any) -> dict[str, Any]:
     """Return a valid scenario's table with some keys changed, or left out where None."""
     given = {**tomllib.loads(small_region("mine")), "seasons": [SEASON], **changes}
     return {key: value for key, value in given.items() if value is not None}
 
 
-def faults(**changes: Any) -> tuple[str, ...]:  # noqa: ANN401 - as above
+def faults(**changes: Any) -> tuple[str, ...]:
     with pytest.raises(RequestError) as caught:
         parse_scenario(table(**changes))
     return caught.value.faults

@@ -15,6 +15,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.findings.choices import departure_text
 from pipeline.findings.note_words import note_json, note_text
+from pipeline.findings.result import RunResult
 from pipeline.findings.text import exact_moment_text
 from pipeline.formats.figures.plots import departure_figure
 from pipeline.geo.projection import Projection
@@ -46,13 +47,13 @@ COUNT = 5
 
 
 @pytest.fixture(scope="module")
-def result() -> Any:  # noqa: ANN401 - a RunResult
+def result() -> RunResult:
     """A run in open water, whose tide is known for fourteen hours."""
     return run(tide(14), ())
 
 
 def _chosen(
-    result: Any,  # noqa: ANN401
+    result: RunResult,
     folder: Path,
     notes: list[Note],
     scheduler: str | None = None,
@@ -70,7 +71,7 @@ def _chosen(
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
 
 
-def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_the_best_departure_becomes_the_seasons_own(result: RunResult, tmp_path: Path) -> None:
     notes: list[Note] = []
     departed = _chosen(
         result, tmp_path, notes, departure=None, departures=WINDOW, to_within="30min"
@@ -109,8 +110,7 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
 
 
 def test_a_scheduler_finds_the_same_departure_and_the_same_failure(
-    result: Any,  # noqa: ANN401
-    tmp_path: Path,
+    result: RunResult, tmp_path: Path
 ) -> None:
     from distributed import LocalCluster
 
@@ -134,9 +134,7 @@ def test_a_scheduler_finds_the_same_departure_and_the_same_failure(
 
 
 def test_each_minute_of_a_window_is_planned_once_at_most(
-    result: Any,  # noqa: ANN401
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    result: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Halving steps around the best departure must not end at three times within a minute."""
     planned: list[float] = []
@@ -162,8 +160,7 @@ def test_each_minute_of_a_window_is_planned_once_at_most(
 
 
 def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
-    result: Any,  # noqa: ANN401
-    tmp_path: Path,
+    result: RunResult, tmp_path: Path
 ) -> None:
     """If the vessel leaves hours into the window, no file has its beginning in the name."""
     old = departure_name(DEPARTURE - timedelta(hours=1))
@@ -192,7 +189,7 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     assert list(departed.fetched.current_keys) == [new]
 
 
-def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_an_arrival_sets_the_departure(result: RunResult, tmp_path: Path) -> None:
     by = DEPARTURE + timedelta(hours=6)
     departed = _chosen(result, tmp_path, [], arrive_by=by.isoformat())
     (choice,) = departed.choices
@@ -207,8 +204,7 @@ def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # 
 
 
 def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
-    result: Any,  # noqa: ANN401
-    tmp_path: Path,
+    result: RunResult, tmp_path: Path
 ) -> None:
     by = DEPARTURE + timedelta(minutes=20)
     with pytest.raises(RequestError) as caught:
@@ -219,7 +215,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
 
 
 @pytest.mark.slow
-def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_each_departure_has_speeds_to_be_there_in_time(result: RunResult, tmp_path: Path) -> None:
     """The choice agrees with single plans at their own speeds, and keeps its arrival."""
     by = DEPARTURE + timedelta(hours=8)
     asked: dict[str, Any] = {
@@ -252,8 +248,7 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
 
 
 def test_a_season_without_a_departure_leaves_the_next_one_its_own(
-    result: Any,  # noqa: ANN401
-    tmp_path: Path,
+    result: RunResult, tmp_path: Path
 ) -> None:
     (season,) = result.scenario.seasons
     late = season.model_copy(
@@ -281,7 +276,7 @@ def test_a_season_without_a_departure_leaves_the_next_one_its_own(
     ]
 
 
-def test_a_departure_that_is_given_is_left_alone(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_a_departure_that_is_given_is_left_alone(result: RunResult, tmp_path: Path) -> None:
     departed = _chosen(result, tmp_path, [])
     assert departed.choices == ()
     assert departed.case("tide").current is result.planned["tide"].current
@@ -332,7 +327,7 @@ def test_the_plot_marks_the_best_departure_and_the_bound() -> None:
     assert "2026-11-22 08:20 UTC: 10.0 h" in axes.texts[0].get_text()
 
 
-def test_the_choice_is_of_what_renew_plans(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_the_choice_is_of_what_renew_plans(result: RunResult, tmp_path: Path) -> None:
     departed = _chosen(result, tmp_path, [], departure=None, departures={**WINDOW, "count": 2})
     (choice,) = departed.choices
     options = result.scenario.planner

@@ -24,7 +24,7 @@ from tests.pipeline.small_plane import small_plane
 SPEC = {"spread": 0.1, "eddy_km": 0.05, "count": 5}
 
 
-def table(members: dict[str, Any] | None = None, **season: Any) -> dict[str, Any]:  # noqa: ANN401 - keys of TOML
+def table(members: dict[str, Any] | None = None, **season: Any) -> dict[str, Any]:
     """Return a small plane whose only season has members."""
     given = tomllib.loads(small_plane("members", classes=2))
     given["planner"] |= {"padding": "none", "clearance": 8.0}  # half of the time

@@ -55,7 +55,7 @@ def under_way(voyage: Path, **changes: str | float | datetime | tuple[str, ...])
     return under_way_scenario(UnderWayRequest(results=voyage, at=at, **asked))[0]
 
 
-def again(voyage: Path, **changes: Any) -> RunResult:  # noqa: ANN401 - as under_way takes them
+def again(voyage: Path, **changes: Any) -> RunResult:
     """Plan again from AT at TIME, or as asked, and write nothing."""
     return result_of(under_way(voyage, **changes), voyage.parent)
 

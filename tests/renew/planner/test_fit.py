@@ -37,7 +37,7 @@ def test_padding_fitted_to_turns_costs_less_fuel_and_no_safety(seed: int) -> Non
         assert inside.length < 0.02
 
 
-def strait(width: float, current: tuple[float, float], **options: Any) -> renew.Plan:  # noqa: ANN401 - as plan() has them
+def strait(width: float, current: tuple[float, float], **options: Any) -> renew.Plan:
     """Plan across a strait of a width (m) between two walls, which the current sets along."""
     middle = 30.0
     walls = [box(27, 0.5, 33, middle - width / 2), box(27, middle + width / 2, 33, 59.5)]

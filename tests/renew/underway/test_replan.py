@@ -155,7 +155,7 @@ def test_a_class_that_is_shut_is_left_and_where_all_are_there_is_no_way() -> Non
     assert isinstance(shut.cause, renew.UnreachableError)
 
 
-def shut_ahead(*havens: renew.Haven, **given: Any) -> renew.Replanned:  # noqa: ANN401
+def shut_ahead(*havens: renew.Haven, **given: Any) -> renew.Replanned:
     """Planned again west of the island, where a jet has shut both sides of it."""
     chart = renew.Chart(box(0, 0, 200, 60), [ISLAND])
     plan = renew.plan(chart, jet(0.29, 0.3), PAPER_VESSEL, FROM, TO)

@@ -23,7 +23,7 @@ def in_open_water(seed: int) -> MovingScene:
     return replace(moving_scene(seed), chart=renew.Chart(box(0, 0, SIZE, SIZE)))
 
 
-def plan_of(scene: MovingScene, vessel: renew.Vessel, **options: Any) -> renew.Plan:  # noqa: ANN401
+def plan_of(scene: MovingScene, vessel: renew.Vessel, **options: Any) -> renew.Plan:
     return replace(scene, vessel=vessel).plan(**options)
 
 

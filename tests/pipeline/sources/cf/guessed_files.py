@@ -75,7 +75,7 @@ def at(
     names: tuple[str, str] = ("uo", "vo"),
     standard: tuple[str, str] = (EASTWARD, NORTHWARD),
     about: Mapping[str, str] = POINT,
-    **attributes: Any,  # noqa: ANN401 - global attributes
+    **attributes: Any,
 ) -> Sea:
     """Return the sea at some hours, stamped otherwise if `stamps` are given."""
     axes = ("time", "lat", "lon")

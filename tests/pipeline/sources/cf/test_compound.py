@@ -49,7 +49,7 @@ def seas(world_mask: LandMask) -> list[Field]:
     return [coastal(sea(MEMBER_LON, MEMBER_LAT, seed=seed), world_mask) for seed in (2, 3, 4)]
 
 
-def current(paths: list[Path], **members: Any) -> CurrentGrid:  # noqa: ANN401 - keys of TOML
+def current(paths: list[Path], **members: Any) -> CurrentGrid:
     """Read members as a season's current."""
     names = tuple(str(path) for path in paths)
     season = Season(name="summer", valid="2024-07", currents=(names,), members=members)

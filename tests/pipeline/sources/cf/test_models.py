@@ -55,7 +55,7 @@ def read(
     path: Path | tuple[Path, ...],
     region: shapely.Polygon = REGION,
     pair: tuple[str, str] | None = None,
-    **about: Any,  # noqa: ANN401 - keys of a season
+    **about: Any,
 ) -> CurrentGrid:
     """Read a file as the current of a voyage; RequestError if it is refused."""
     changing = {"time_method": "changing", "departure": "2024-03-15T03:00Z", "max_hours": 6}
