@@ -463,14 +463,11 @@ def _notes(parts: Sequence[Cell], sea: shapely.Geometry, region: shapely.Polygon
         names = dict.fromkeys(zone.name or "unnamed" for zone in prohibited)
         yield Note.of("entry-prohibited", areas=tuple(names))
     over = (
-        (part, part.objects[name].geometry)
+        shapely.intersects(part.objects[name].geometry, shapely.intersection(water, part.covered))
         for part in parts
-        for name in {*_OVERHEAD} & {*part.objects}
+        for name in part.objects.keys() & {*_OVERHEAD}
     )
-    if count := sum(
-        int(shapely.intersects(own, shapely.intersection(water, part.covered)).sum())
-        for part, own in over
-    ):
+    if count := sum(map(int, map(np.count_nonzero, over))):
         yield Note.of("overhead", count=count)
     for part in parts:
         yield from shapes.repair_note(part.name, part.repaired)
