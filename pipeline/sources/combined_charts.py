@@ -230,7 +230,7 @@ def _named_sign(name: str, array: DataArray) -> float | None:
     said = " ".join((name, array.attrs.get("long_name", ""))).lower()
     is_of_roms = said.startswith("h bathymetry")  # ROMS, CROCO
     usual = _SIGNS["down"] if is_of_roms else _NAMES[name.lower()]
-    return _SIGNS.get(array.attrs.get("positive", ""), usual)
+    return _SIGNS.get(array.attrs.get("positive", "").lower(), usual)
 
 
 def _standard_sign(array: DataArray) -> float | None:
@@ -241,7 +241,7 @@ def _standard_sign(array: DataArray) -> float | None:
     if standard.startswith(_HEIGHTS) or standard in _ALTITUDES:
         return _SIGNS["up"]
     if standard in _DEPTHS:
-        return _SIGNS.get(array.attrs.get("positive", ""), _SIGNS["down"])
+        return _SIGNS.get(array.attrs.get("positive", "").lower(), _SIGNS["down"])
     return None
 
 

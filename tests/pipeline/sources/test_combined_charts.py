@@ -196,6 +196,8 @@ def test_both_conventions_give_heights_in_the_longitudes_asked_for(
         ("elevation", {}, 1.0),
         ("depth", {}, -1.0),
         ("depth", {"positive": "up"}, 1.0),
+        ("depth", {"positive": "UP"}, 1.0),
+        ("bathy", {"standard_name": "depth", "positive": "Up"}, 1.0),
         ("z", {"standard_name": "height_above_geoid"}, 1.0),
         ("z", {"standard_name": "height", "positive": "up"}, 1.0),
         ("Band1", {"positive": "down"}, -1.0),
