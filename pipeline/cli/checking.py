@@ -32,14 +32,15 @@ def print_check(
     if as_json:
         answer = [_json(one, route, departure) for one in found]
         content = {"route": route.name, "form": route.form, "seasons": answer, **caveats_json(run)}
+        content["notes"] = note_texts(dict.fromkeys(run.fetched.notes))
         typer.echo(json.dumps(json_value(content), ensure_ascii=False))
     else:
         for one in found:
             typer.echo("\n".join(_lines(one, route, departure)))
-        for title, notes in (
-            ("Decided:", dict.fromkeys((*run.decisions, *run.choices))),
-            ("Not known:", run.unknowns),
-        ):
+        decided = dict.fromkeys((*run.decisions, *run.choices))
+        told = {*decided, *run.unknowns}
+        rest = [note for note in dict.fromkeys(run.fetched.notes) if note not in told]
+        for title, notes in (("Decided:", decided), ("Not known:", run.unknowns), ("Notes:", rest)):
             if notes:
                 typer.echo("\n".join(["", title, *(f"- {line}" for line in note_texts(notes))]))
     is_whole = not run.fetched.failures

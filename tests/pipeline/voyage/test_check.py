@@ -221,6 +221,17 @@ def test_a_season_that_could_not_be_checked_is_named_and_counts(
     assert result.exit_code == 1
 
 
+def test_what_a_source_does_not_cover_is_told(folder: Path, planned: Outcome) -> None:
+    """Here that some hours stand for a month, as a plan tells it."""
+    file = next(planned.directory.glob("*.geojson"))
+    printed = checked(folder, file, "--month", "2026-11").stdout
+    (told,) = (line for line in printed.splitlines() if " time steps stand for all of " in line)
+    found = json.loads(checked(folder, file, "--month", "2026-11", "--json").stdout)
+    assert told.removeprefix("- ") in found["notes"]
+    lines = [line for line in printed.splitlines() if line.startswith("- ")]
+    assert len(lines) == len({*lines})
+
+
 def test_the_times_of_a_track_are_those_that_the_file_states(tmp_path: Path) -> None:
     points = (
         f"<trkpt lat='-17' lon='{lon}'><time>2026-11-22T0{lon - 170}:00:00{zone}</time></trkpt>"
