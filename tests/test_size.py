@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_542, 29),
     "pipeline": (1_099, 12),
-    "pipeline/cli": (2_393, 6),
+    "pipeline/cli": (2_394, 6),
     "pipeline/findings": (3_749, 18),
     "pipeline/formats": (6_633, 13),
     "pipeline/geo": (832, 4),
