@@ -347,7 +347,7 @@ def show(name: str) -> None:
 
 @options.command(app, "check")
 def check(file: str) -> None:
-    """List all faults of a scenario's file and of the files that it names; check start and goal."""
+    """List faults of a scenario, its start and goal, and its files, but for values of currents."""
     with still_at_work():
         from pipeline.scenario.loading import load_scenario
 
