@@ -79,7 +79,7 @@ def compare(
     notes = (*said, *about_routes)
     for note in notes:
         say(note)
-    every = (*chosen.notes, *fetched.notes, *land.value.notes, *notes)
+    every = dict.fromkeys((*chosen.notes, *fetched.notes, *land.value.notes, *notes))
     complete = replace(
         result,
         choices=addressed((*chosen.notes, *said), scenario),

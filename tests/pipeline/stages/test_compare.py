@@ -41,7 +41,7 @@ def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
     (note,) = note_texts(safety_notes(with_result(result, "winter", measures=measures)))
     lon, lat = result.water.projection.to_lonlat(turns.points[5])
     assert note.startswith("winter: not safe everywhere: 2 of ")
-    assert f"met land, the first one from {lon:.4f} E {lat:.4f} N; it was planned" in note
+    assert f"met land, the first one from {lon:.4f} E {lat:.4f} N; turns are" in note
 
 
 def test_routes_over_weak_constants_are_told_with_their_share() -> None:

@@ -1,5 +1,6 @@
 """No-go zones from S-57 cells, and voyages on them."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from pipeline.sources.land import s57
 from pipeline.sources.land.s57 import Cell, Objects, S57Chart, base_files, find_cells, read_cell
 from pipeline.sources.registry import land_source
 from pipeline.stages.lanes import against_lanes
+from pipeline.voyage.one_line import go
 from tests.pipeline.results import rows_of
 from tests.true_scale import GEOD, clearance_m
 
@@ -400,6 +402,19 @@ def test_bridges_and_cables_over_the_water_are_counted() -> None:
     notes = s57.land([given], AROUND, HARBOUR, RULE).notes
     (told,) = note_texts(note for note in notes if note.kind in NOT_KNOWN)
     assert told.startswith("2 bridges and cables cross the water of the chart: whether")
+
+
+def test_a_bridge_is_told_once_in_the_notes_and_in_the_files(cells: Path, tmp_path: Path) -> None:
+    outcome = go(
+        "42.348N 71.018W", "42.34N 71.005W", speed="6kn", length="7m", turning_circle="30m",
+        draught="1m", charts=cells / "US5BOSCD.000", currents=("still",), output=tmp_path, name="b",
+    )  # fmt: skip
+    texts = note_texts(outcome.fetched.notes)
+    assert len(texts) == len({*texts})
+    (told,) = (text for text in texts if "passes below" in text)
+    manifest = json.loads((outcome.directory / "manifest.json").read_bytes())
+    assert manifest["unknown"].count(told) == 1
+    assert told in (outcome.directory / "b-still.rtz").read_text("utf-8")
 
 
 def test_a_planted_lane_has_its_course_and_who_sails_against_it_is_told() -> None:
