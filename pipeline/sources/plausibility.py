@@ -245,7 +245,7 @@ def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
 def _first_few(messages: Sequence[str]) -> tuple[str, ...]:
     """Return the first messages, and how many more there are."""
     more = len(messages) - _MAX_TIMES
-    return (*messages[:_MAX_TIMES], *([f"and so at {more} other times"] if more > 0 else []))
+    return (*messages[:_MAX_TIMES], *([f"and so at {more} more of its times"] if more > 0 else []))
 
 
 # Blocks per side that the grid is divided into for the standard error.

@@ -254,24 +254,24 @@ def checked_lines(one: CheckedRoute, route: GivenRoute) -> Iterator[str]:
     )
     no_go = row.no_go_name
     for land in one.crossed[:_FEW]:
-        yield (
-            f"OVER LAND: {text.distance(land.length_m)} of {land.name or no_go} at "
-            f"{land.place.text}"
-        )
-    if len(one.crossed) > _FEW:
-        yield f"OVER LAND at {len(one.crossed) - _FEW} more places"
+        far = text.distance(land.length_m)
+        yield f"OVER LAND: {far} of {land.name or no_go} at {land.place.text}"
+    if (more := len(one.crossed) - _FEW) > 0:
+        yield f"OVER LAND at {text.count(more, 'more place', 'more places')}"
     if one.nearest is not None:
         yield f"Nearest {no_go}: {text.clearance(row.clearance_m)}, at {one.nearest.text}"
-    yield from (f"SHUT: {said}" for said in one.shut)
-    for lane in one.against:
-        how_far = text.distance(lane.length_m)
-        yield f"AGAINST the {lane.zone.name}: for {how_far}, at {lane.place.text}"
+    yield from (f"SHUT: {said}" for said in one.shut[:_FEW])
+    if (more := len(one.shut) - _FEW) > 0:
+        yield f"SHUT at {text.count(more, 'more place', 'more places')}"
+    for it in one.against:
+        yield f"AGAINST the {it.zone.name}: for {text.distance(it.length_m)}, at {it.place.text}"
     if row.collisions:
         places = ", ".join(place.text for place in one.met[:_FEW])
-        more = f" and {len(one.met) - _FEW} more places" * (len(one.met) > _FEW)
+        more = len(one.met) - _FEW
+        also = f" and {text.count(more, 'more place', 'more places')}" * (more > 0)
         yield (
             f"NOT SAFE EVERYWHERE: {row.collisions:,} of {row.trials:,} hard-over turns meet "
-            f"{no_go}, from {places}{more}"
+            f"{no_go}, from {places}{also}"
         )
     else:
         yield f"All {row.trials:,} hard-over turns are clear of {no_go}"

@@ -36,8 +36,8 @@ def under_way_scenario(
     file = expanded(finished.folder / "scenario.toml", "RESULTS")
     data = _table(read_toml(file), finished, request, left)
     late = finished.season["arrive_by"]
-    said = (request.at.note, late and f"the latest arrival, {late}, is not asked of the way ahead")
-    notes = tuple(filter(None, said))
+    dropped = f"the latest arrival, {late}, is not asked of the way ahead" if late else ""
+    notes = tuple(filter(None, (request.at.note, dropped)))
     if request.currents:
         data, left_out = with_currents(data, request.currents)
         notes = (*notes, *left_out)

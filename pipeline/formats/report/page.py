@@ -311,7 +311,7 @@ def _map_label(metrics: list[RouteMetrics], no_go: str) -> str:
     way = f", {metrics[0].way}," if metrics[0].way else ""
     return (
         f"the best route{way} of {text.distance(metrics[0].length_m)} and "
-        f"{len(metrics) - 1} other routes among {no_go} and currents"
+        f"{text.count(len(metrics) - 1, 'other route', 'other routes')} among {no_go} and currents"
     )
 
 

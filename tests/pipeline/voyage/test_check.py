@@ -221,6 +221,21 @@ def test_a_season_that_could_not_be_checked_is_named_and_counts(
     assert result.exit_code == 1
 
 
+def test_four_places_on_land_are_three_and_one_more(folder: Path, tmp_path: Path) -> None:
+    (west, lat), (east, _) = START, GOAL
+    step = (east - west) / 9
+    boxes = [shapely.box(west + at * step, lat - 0.01, west + (at + 1) * step, lat + 0.01)
+             for at in (1, 3, 5, 7)]  # fmt: skip
+    write_land(tmp_path / "four.geojson", {str(at): one for at, one in enumerate(boxes)})
+    (file := tmp_path / "a.geojson").write_text(
+        shapely.to_geojson(shapely.LineString([START, GOAL]))
+    )
+    charts = ("--charts", str(tmp_path / "four.geojson"))
+    lines = checked(folder, file, "--depart", BEGIN, *charts).stdout.splitlines()
+    over = [line for line in lines if line.startswith("OVER LAND")]
+    assert over[3:] == ["OVER LAND at 1 more place"]
+
+
 def test_what_a_source_does_not_cover_is_told(folder: Path, planned: Outcome) -> None:
     """Here that some hours stand for a month, as a plan tells it."""
     file = next(planned.directory.glob("*.geojson"))
