@@ -281,8 +281,8 @@ class _Stages:
                     raise
                 region = opened
             except RequestError as error:
-                # Files of wind or waves may not reach as far as a wider region.
-                if failed is None or asked.limits is None:
+                # Files, or stations of the tide, may not reach as far as a wider region.
+                if failed is None or not (asked.limits or asked.tide):
                     raise
                 raise failed from error
         for _ in range(MAX_WIDENINGS):

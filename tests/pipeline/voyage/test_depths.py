@@ -74,6 +74,21 @@ def test_routes_keep_off_shallow_cells_and_uncharted_depth_is_reported(
     ]
 
 
+def test_a_shut_bar_is_told_though_the_tide_ends_in_a_wider_region(tmp_path: Path) -> None:
+    """Off Boston: no way leads round the bar, nor does the station's tide reach as far."""
+    lon, lat = np.arange(-71.1, -70.85, 0.002), np.arange(42.25, 42.42, 0.002)
+    height = np.full((lat.size, lon.size), -12.0)
+    height[:, (lon > -70.99) & (lon < -70.985)] = -2.0
+    with pytest.raises(RequestError) as caught:
+        pipeline.go(
+            "42.33N 71.00W", "42.33N 70.96W", **FIGURES, draught="2.4m", currents=("still",),
+            depths=emodnet(tmp_path / "depths.nc", lon, lat, height), tide=("boston",),
+            datum="MLLW", depart="2026-11-22T19:00Z", output=tmp_path, name="bar",
+        )  # fmt: skip
+    assert "Depart at another time" in str(caught.value)
+    assert "Add a station" not in str(caught.value)
+
+
 def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
     tmp_path: Path, chart: Path
 ) -> None:
