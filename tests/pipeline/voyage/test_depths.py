@@ -84,7 +84,7 @@ def test_a_shut_bar_is_told_though_the_tide_ends_in_a_wider_region(tmp_path: Pat
         pipeline.go(
             "42.33N 71.00W", "42.33N 70.96W", **FIGURES, draught="2.4m", currents=("still",),
             depths=emodnet(tmp_path / "depths.nc", lon, lat, height), tide=("boston",),
-            datum="MLLW", depart=datetime(2026, 11, 22, 19, tzinfo=UTC), output=tmp_path, name="bar",
+            datum="MLLW", depart=datetime(2026, 11, 22, 19, tzinfo=UTC), output=tmp_path,
         )  # fmt: skip
     assert "Depart at another time" in str(caught.value)
     assert "Add a station" not in str(caught.value)
