@@ -152,9 +152,9 @@ def _of_json(content: bytes) -> Iterator[GivenRoute]:
         shape = feature.get("geometry") or feature
         name = (feature.get("properties") or {}).get("name")
         if shape.get("type") in ("LineString", "MultiLineString"):
-            parts = shape["coordinates"]
+            parts = shape["coordinates"]  # of a line across 180 degrees, in parts
             if shape["type"] == "LineString":
-                parts = [parts]  # a line across 180 degrees is written in parts
+                parts = [parts]
             points = (RoutePoint(float(one[0]), float(one[1])) for one in itertools.chain(*parts))
             joined_m = _joined_m(parts)
             yield GivenRoute(str(name or ""), "GeoJSON", tuple(points), joined_m=joined_m)
