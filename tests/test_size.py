@@ -23,7 +23,7 @@ ROOMS = {
     "pipeline/geo": (832, 4),
     "pipeline/machine": (1_560, 10),
     "pipeline/model": (1_460, 35),
-    "pipeline/nightly": (3_046, 27),
+    "pipeline/nightly": (3_047, 27),
     "pipeline/scenario": (2_210, 37),
     "pipeline/serve": (1_649, 9),
     "pipeline/sources": (9_909, 46),
@@ -34,11 +34,11 @@ ROOMS = {
     "renew/inputs": (2_264, 24),
     "renew/kernels": (2_428, 19),
     "renew/paths": (1_853, 9),
-    "renew/planner": (4_173, 16),
+    "renew/planner": (4_174, 16),
     "renew/steering": (898, 1),
     "renew/turns": (1_652, 13),
     "renew/underway": (2_242, 13),
-    "renew/vary": (1_798, 9),
+    "renew/vary": (1_797, 9),
     "renew/voyage": (937, 6),
 }
 MOST_FILES = 228

@@ -372,7 +372,8 @@ def _counted(cases: Sequence[Row], partial: Partial) -> dict[str, Any]:
     status = Counter(row["status"] for row in cases)
     if not status[PLANNED]:
         reasons = list(dict.fromkeys(row["reason"] for row in cases))
-        more = f" (and {len(reasons) - 3} other reasons)" if len(reasons) > 3 else ""
+        left = len(reasons) - 3
+        more = f" (and {left} other reason{'s' * (left > 1)})" if left > 0 else ""
         partial.clear()
         raise StageError(f"no case could be planned: {'; '.join(reasons[:3])}{more}")
     outcomes = Counter(row["outcome"] for row in cases)

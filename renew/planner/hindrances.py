@@ -161,7 +161,8 @@ def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
     if not hours:
         return error
     shut = Text.joined(", ", [Text("{0}{1}", (one.place, one.text)) for one in hours[:_MAX_NAMED]])
-    more = f" and at {len(hours) - _MAX_NAMED} more places" if len(hours) > _MAX_NAMED else ""
+    left = len(hours) - _MAX_NAMED
+    more = f" and at {left} more place{'s' * (left > 1)}" if left > 0 else ""
     longer = type(error)(f"{{0}}. The current shuts its way at {{1}}{more}", error.text, shut)
     longer.strait, longer.blocked = error.strait, error.blocked
     return longer

@@ -178,9 +178,8 @@ def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
     rejected = tuple(search.rejected.values())
     cause = None
     if rejected:
-        cause = errors.UnreachableError(
-            f"all {len(rejected)} classes were rejected: {{0}}", rejected[0].text
-        )
+        count = f"all {len(rejected)} classes were" if len(rejected) > 1 else "the only class was"
+        cause = errors.UnreachableError(f"{count} rejected: {{0}}", rejected[0].text)
     return Sailing(voyage.departure, planner, search.best, cause, rejected)
 
 

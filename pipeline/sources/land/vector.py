@@ -383,7 +383,7 @@ class VectorFile:
         bounds = layer.bounds()
         if bounds is None:
             return RequestError(
-                f"{self.path} has no feature with a geometry; give a file that has the land"
+                f"{self.path} has no feature with a geometry; give a file that has, or leave it out"
             )
         listed = ", ".join(f"{bound:g}" for bound in bounds)
         return RequestError(
