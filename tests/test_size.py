@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (3_047, 27),
     "pipeline/scenario": (2_210, 37),
     "pipeline/serve": (1_649, 9),
-    "pipeline/sources": (9_909, 46),
+    "pipeline/sources": (9_914, 46),
     "pipeline/stages": (4_908, 14),
     "pipeline/voyage": (2_069, 8),
     "renew/bounds": (1_604, 8),

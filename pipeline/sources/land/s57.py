@@ -106,6 +106,15 @@ class Cell:
     warnings: tuple[str, ...] = ()
 
 
+# Largest number of cells that a message names.
+_MAX_NAMES = 8
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Name the first of many cells."""
+    return ", ".join(names[:_MAX_NAMES]) + " and others" * (len(names) > _MAX_NAMES)
+
+
 def base_files(path: Path) -> tuple[Path, ...]:
     """Find the base files (.000) of all cells in a folder and below it, or that of the file given.
 
@@ -114,7 +123,7 @@ def base_files(path: Path) -> tuple[Path, ...]:
     """
     if not path.is_dir():
         return (path.with_suffix(".000"),)
-    bases, lone = list[Path](), list[str]()
+    bases, lone = list[Path](), set[str]()
     count = 0
     for folder, _, names in os.walk(path):
         count += len(names)
@@ -122,14 +131,14 @@ def base_files(path: Path) -> tuple[Path, ...]:
             raise RequestError(
                 f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
             )
-        bases += [Path(folder, name) for name in names if name.endswith(".000")]
-        lone += [
-            f"{Path(folder, name)} updates a cell that is not beside it: put {name[:-4]}.000 and "
-            "its updates into one folder"
-            for name in sorted(names)
-            if _UPDATE.fullmatch(name) and f"{name[:-4]}.000" not in names
-        ]
-    refuse_any(lone)
+        own = {name[:-4] for name in names if name.endswith(".000")}
+        bases += [Path(folder, f"{name}.000") for name in own]
+        lone |= {name[:-4] for name in names if _UPDATE.fullmatch(name)} - own
+    if lone:
+        raise RequestError(
+            f"{path} has updates whose cells are not beside them, of {_listed(sorted(lone))}: put "
+            "each cell's .000 and its updates into one folder"
+        )
     return tuple(sorted(bases))
 
 
@@ -505,10 +514,6 @@ def _credits(cells: Sequence[Cell]) -> Iterator[Credit]:
         )
 
 
-# Largest number of cells that a message names.
-_MAX_NAMES = 8
-
-
 @dataclass(frozen=True)
 class S57Chart:
     """Cells (.000) with their updates in a folder or below it, or one cell.
@@ -538,10 +543,10 @@ class S57Chart:
         read = (read_cell(base, box, CLASSES) for base in self._bases)
         cells = [cell for cell in read if cell is not None]
         if not any(cell.covered.intersects(region) for cell in cells):
-            names = ", ".join(base.stem for base in self._bases[:_MAX_NAMES])
+            names = _listed([base.stem for base in self._bases])
             raise RequestError(
-                f"no S-57 cell in {self.path} covers any of the region; it holds {names}"
-                f"{' and others' * (len(self._bases) > _MAX_NAMES)}: fetch the region's cells"
+                f"no S-57 cell in {self.path} covers any of the region; it holds {names}: fetch "
+                "the region's cells"
             )
         # Geometries that are valid one by one may fail together, where a cell is damaged.
         with shapes.reading(str(self.path), "fetch the cells and their updates again"):
