@@ -86,6 +86,8 @@ pytest: $(COMPLETE) compiled  ## the quick tests, the import rules and the docum
 compiled: $(READY)  ## the machine code of the planner
 	@$(BIN)/renew warm
 
+# They often wait for others: for browsers, servers, limits that run out.
+test-slow: PROCESSES := 3
 test-slow: $(COMPLETE) compiled  ## the slow tests
 	RENEW_IS_WARM=1 $(BIN)/python -m pytest -q -m slow -n $(PROCESSES) --dist worksteal --durations=40 --durations-min=10 --junitxml=build/slow-test-times.xml
 
