@@ -24,7 +24,7 @@ ROOMS = {
     "pipeline/machine": (1_560, 10),
     "pipeline/model": (1_460, 35),
     "pipeline/nightly": (3_047, 27),
-    "pipeline/scenario": (2_210, 37),
+    "pipeline/scenario": (2_209, 37),
     "pipeline/serve": (1_649, 9),
     "pipeline/sources": (9_914, 46),
     "pipeline/stages": (4_908, 14),

@@ -339,7 +339,7 @@ def main() -> None:
     sys.stdout = sys.stderr  # which is kept for messages
     _pipe.append(Connection(number))
     threading.Thread(target=_take_calls, daemon=True).start()
-    with seldom_collecting():  # or that takes a tenth of the time of a compilation
+    with seldom_collecting():  # at its usual pace it takes a tenth of a compilation
         while True:
             _make(_calls.get())
 

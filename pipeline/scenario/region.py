@@ -126,9 +126,8 @@ class ChartSource(_VectorKeys):
     def is_s57(self) -> bool:
         """Whether its path is an S-57 cell, an update of one, or a folder of them."""
         path = Path(self.path)
-        return bool(self.path) and (
-            path.suffix[1:].isdecimal() or (path.is_dir() and path.suffix != ".gdb")
-        )
+        is_cell_file = len(path.suffix) == 4 and path.suffix[1:].isdecimal()
+        return bool(self.path) and (is_cell_file or (path.is_dir() and path.suffix != ".gdb"))
 
 
 def _as_sources(given: object) -> object:

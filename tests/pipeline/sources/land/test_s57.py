@@ -20,7 +20,7 @@ from pipeline.model import Land
 from pipeline.model.inputs import NOT_KNOWN, DepthRule
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
-from pipeline.scenario.region import ChartSpec
+from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources.land import s57
 from pipeline.sources.land.s57 import Cell, Objects, S57Chart, base_files, find_cells, read_cell
 from pipeline.sources.registry import land_source
@@ -244,6 +244,8 @@ def test_no_cell_and_repeated_cells_are_refused(boston: Path, tmp_path: Path) ->
 def test_updates_without_their_cell_beside_them_are_refused(boston: Path) -> None:
     (update,) = boston.glob("US5BOSCD.005")
     assert base_files(update) == (boston / "US5BOSCD.000",)
+    assert ChartSource(path=str(update)).is_s57
+    assert not ChartSource(path="harbour_v1.2").is_s57
     (boston / "5").mkdir()
     update.rename(boston / "5" / update.name)
     with pytest.raises(RequestError, match="cells are not beside them, of US5BOSCD: put"):
